@@ -55,6 +55,8 @@ def load_poses(path: str | os.PathLike[str], images: Sequence[str], camera: Came
     (['0001.png', '0002.png'], array([0., 0., 0.]))
     """
     require_camera(camera)
+    if isinstance(images, str):
+        raise CalibrationError(f"images is the text {images!r}; give a list of names: [{images!r}]")
     name, problems = os.fspath(path), Problems()
     text = read_table(name, CalibrationError)
     head = text.lstrip("\ufeff \t\r\n").partition("\n")[0].rstrip()

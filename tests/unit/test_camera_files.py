@@ -190,6 +190,8 @@ def test_tum_trajectory_in_image_order(tmp_path: Path, camera: Camera) -> None:
     poses = load_poses(path, ["a", "b"], camera)
     assert poses["a"].rotation == pytest.approx(np.eye(3))
     assert poses["b"].rotation @ [1.0, 0.0, 0.0] == pytest.approx([0, 1, 0])
+    with pytest.raises(CalibrationError, match="give a list of names"):
+        load_poses(path, "ab", camera)
 
 
 BAD_POSES = {
