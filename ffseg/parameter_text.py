@@ -96,7 +96,7 @@ def _object_schema(section: type[Section], all_leaves: dict[str, Leaf], prefix: 
     properties: dict[str, object] = {}
     for key, leaf in all_leaves.items():
         name = key[len(prefix) :]
-        if key.startswith(prefix) and "." not in name:
+        if key.startswith(prefix) and ("." not in name or not prefix):  # a file may also write all its keys with dots
             properties[name] = {"description": leaf.doc, "default": leaf.default, **leaf.kind.json_schema()}
     for name, inner in subsections(section).items():
         properties[name] = _object_schema(inner, all_leaves, f"{prefix}{name}.")

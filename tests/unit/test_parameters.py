@@ -250,10 +250,10 @@ def test_any_text_is_parsed_or_refused(text: str) -> None:
     assert node.value is None or problems.lines == [] or "given twice" in problems.lines[0]
 
 
-@given(st.sampled_from(list(LEAVES.values())), JSON | st.floats(-30, 30) | st.integers(-3, 40))
-def test_editors_and_reader_agree(leaf: Leaf, value: object) -> None:
+@given(st.sampled_from(list(LEAVES.values())), JSON | st.floats(-30, 30) | st.integers(-3, 40), st.booleans())
+def test_editors_and_reader_agree(leaf: Leaf, value: object, dotted: bool) -> None:
     section, _, name = leaf.key.rpartition(".")
-    document = {section: {name: value}} if section else {name: value}
+    document = {section: {name: value}} if section and not dotted else {leaf.key: value}
     try:
         load_params(None, document)
         accepted = True
