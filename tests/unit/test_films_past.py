@@ -10,6 +10,7 @@ from drawn_films import pictures, write_film
 
 from ffseg.image.flow import BAND, carried, start_in, steadied
 from tests.discs import disc_of, overlap
+from tests.masks import write_image
 
 disc = disc_of((120, 160))
 GROUND = np.random.default_rng(2).integers(60, 90, (120, 160), dtype=np.uint8)
@@ -108,3 +109,11 @@ def test_steady_frames_do_not_mix_with_others(film: Path, tmp_path: Path, ran: C
     done = ran(film, tmp_path / "out", "--steady")
     assert done.returncode == 2
     assert 'past was null, is "steady"' in done.stderr
+
+
+def test_images_of_two_folders_are_not_one_film(tmp_path: Path, ffseg_command: Command) -> None:
+    for number, name in enumerate(("a/1.png", "a/2.png", "b/3.png", "b/4.png")):
+        write_image(tmp_path / name, np.where(disc(60 + 4 * number, 60, 30), 200, 60).astype(np.uint8))
+    ffseg_command("run", tmp_path / "a", tmp_path / "b", "--out", tmp_path / "out", "--flicker", code=0)
+    rows = table(tmp_path / "out" / "timings.csv")
+    assert [(row["image"], bool(row["flicker"])) for row in rows] == [(f"{n}.png", n in (2, 4)) for n in (1, 2, 3, 4)]

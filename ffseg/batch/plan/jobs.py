@@ -129,12 +129,12 @@ def with_earlier(plan: Plan, chain: Callable[[str], Iterable[str]]) -> Plan:
 
 
 def with_past(plan: Plan) -> Plan:
-    """The plan with each frame's predecessor in its film."""
-    last: dict[str, Job] = {}
+    """The plan with each frame's predecessor in its film, or each image's in its folder."""
+    last: dict[tuple[str, str], Job] = {}
     jobs = []
     for job in plan.jobs:
-        before = last.get(film_of(job.source.name))
-        last[film_of(job.source.name)] = job
+        film = film_of(job.source.name), os.path.dirname(job.source.path)
+        before, last[film] = last.get(film), job
         if before is not None:
             job = replace(job, earlier=(before.source.content,), past=plan.outputs(before)[0])  # noqa: PLW2901 - the same
         jobs.append(job)
