@@ -91,9 +91,6 @@ def group_regions(contours: Sequence[FreeForm]) -> tuple[Region, ...]:
 _NUM_PROBES = 9
 """Points of a hole that are asked: odd, so that most is clear, and enough that touching at a few decides nothing."""
 
-_FLATNESS = 0.05
-"""Pixels by which outer contours are flattened to be asked: probes this close to the curve may be counted wrong."""
-
 _NOBODY = -1
 
 
@@ -124,8 +121,7 @@ def _owners(outers: Sequence[FreeForm], rising: Sequence[int], probes: Points) -
         if not near.any():
             continue
         open_, boxed = open_[near], boxed[near]
-        polygon = FreeForm.trusted(outers[index].flatten(_FLATNESS), 1)
-        boxed[boxed] = polygon.winding(probes[open_][boxed]) != 0
+        boxed[boxed] = outers[index].winding(probes[open_][boxed]) != 0
         owners[open_[_most(boxed)]] = index
     return list(owners.tolist())
 
