@@ -6,6 +6,7 @@ import json
 import math
 import os
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
@@ -279,11 +280,12 @@ class Journal:
         Raises
         ------
         OutputError
-            If it cannot be written; the step is not taken then.
+            If it cannot be written, or lies at its place no more; the step is not taken then.
         """
         track = self.track(image)
         if track.after(do, picked) is None:
             return False
+        self._require_in_place()
         entry = {"image": image, "do": do, "size": size} | ({} if picked is None else {"picked": asdict(picked)})
         line = json.dumps(entry, separators=(",", ":")).encode("ascii") + b"\n"
         before = os.fstat(self._descriptor)
@@ -297,6 +299,16 @@ class Journal:
         self._before = before, image, replace(track, past=[*track.past], future=[*track.future])
         track.size = size
         return track.step(do, picked)
+
+    def _require_in_place(self) -> None:
+        """Refuse to go on in a folder that was moved away: files beside the journal would be made anew at its old place."""
+        with suppress(OSError):
+            if os.path.samestat(os.fstat(self._descriptor), os.stat(self._path)):
+                return
+        raise OutputError(
+            f"{printable(self._path)} was moved, removed or replaced since ffseg pick began; "
+            "put it back, or end ffseg pick and start it anew"
+        )
 
     def take_back(self) -> None:
         """Take back the last step that was added: what follows from it cannot be written."""

@@ -232,6 +232,19 @@ def test_a_step_on_what_was_changed_elsewhere_is_refused(tmp_path: Path) -> None
             own.change(0, 0, 1, "pick", OPEN | {"status": "accepted"})
 
 
+def test_no_step_is_taken_in_a_folder_that_was_moved_away(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    with session(draw(tmp_path / "in", ["a.png", "b.png"]), out) as own:
+        accept(own, 0)
+        moved = out.rename(tmp_path / "moved")
+        with pytest.raises(OutputError, match="was moved, removed or replaced since ffseg pick began"):
+            own.change(0, 1, 0, "pick", picked(LEFT, status="accepted"))
+        assert not out.exists()
+        moved.rename(out)
+        accept(own, 1)
+    assert (out / "masks" / "b.png").is_file()
+
+
 def test_masks_of_a_run_stand_until_something_is_picked(tmp_path: Path, ffseg_command: Command) -> None:
     folder, out = draw(tmp_path / "in", ["a.png", "b.png"]), tmp_path / "out"
     place = f"init.center={list(RIGHT)}"
