@@ -18,6 +18,7 @@ from ffseg.batch.record.ledger import Ledger, Stop
 from ffseg.batch.record.ordered import StoppedError, packs_of, put_in_order
 from ffseg.batch.record.survey import Survey, survey, tidy
 from ffseg.batch.record.tables import START_COLUMNS, Tables, remove_old
+from ffseg.batch.tar.members import digest
 from ffseg.batch.workers.messages import Setup
 from ffseg.errors import FfsegError, OutputError
 from ffseg.io.files import printable, remove_files, sync_folders
@@ -135,6 +136,7 @@ class Ending:
         stale = [{"image": printable(name), "reason": reason} for name, reason in found.stale]
         left = [{"output": printable(path), "reason": "not what was written"} for path in found.left]
         part = {"shard": plan.shard, "whole": plan.whole, "names": plan.names, "asked": sorted(self._asked())}
+        part["motion"] = digest(self.setup.views.motion_text().encode()) if self.setup.views else ""
         return {
             "ffseg": __version__,
             "status": "interrupted" if summary.signal else "finished",

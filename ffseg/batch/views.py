@@ -55,6 +55,11 @@ class Views:
         """Everything the camera file said, as one text: equal texts, equal cameras."""
         return json.dumps(asdict(self.camera), default=_plain, sort_keys=True)
 
+    def motion_text(self) -> str:
+        """What is known of the poses and pairs of all images, as one text."""
+        poses = {name: asdict(pose) for name, pose in self.poses.items()}
+        return json.dumps([poses, dict(self.previous)], default=_plain, sort_keys=True)
+
     def pair_text(self, name: str) -> str:
         """What is known of an image's pairs beside their files."""
         poses = [self.poses_of(before, name) for before in self.chain(name)]

@@ -113,6 +113,17 @@ def test_a_second_run_does_only_what_its_inputs_changed(ffseg_command: Command, 
     assert "the camera file or --footprint has changed" in refused.stderr
 
 
+def test_a_merge_names_shards_of_other_poses(ffseg_command: Command, views: Path) -> None:
+    for part in ("1/2", "2/2"):
+        run(ffseg_command, views, *with_camera(views), "--shard", part)
+    ffseg_command("merge", views / "out", code=0)
+    text = (views / "poses.csv").read_text()
+    (views / "poses.csv").write_text(text.replace("2.png,0.0,", "2.png,0.001,"))
+    run(ffseg_command, views, *with_camera(views), "--shard", "2/2")
+    told = ffseg_command("merge", views / "out", code=3).stderr
+    assert "shards 1/2 and 2/2 were run with other poses or pairs" in told
+
+
 def test_bad_files_are_refused_before_the_first_image(ffseg_command: Command, views: Path) -> None:
     for text, said in (
         (CAMERA_YAML.replace("xi: 0.95", "xi: minus"), "xi: 'minus' is not"),
