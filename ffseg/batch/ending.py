@@ -135,8 +135,6 @@ class Ending:
         summary, plan = self.ledger.summary, self.keeper.plan
         stale = [{"image": printable(name), "reason": reason} for name, reason in found.stale]
         left = [{"output": printable(path), "reason": "not what was written"} for path in found.left]
-        part = {"shard": plan.shard, "whole": plan.whole, "names": plan.names, "asked": sorted(self._asked())}
-        part["motion"] = digest(self.setup.views.motion_text().encode()) if self.setup.views else ""
         return {
             "ffseg": __version__,
             "status": "interrupted" if summary.signal else "finished",
@@ -150,5 +148,16 @@ class Ending:
             "problems": summary.problems,
             "stale": [*stale, *left],
             **({"map": summary.drive} if summary.drive else {}),
-            **(part if plan.shard else {}),  # what a merge has to know
+            **(self._of_shard() if plan.shard else {}),
+        }
+
+    def _of_shard(self) -> dict[str, Any]:
+        """What a merge has to know."""
+        plan, views = self.keeper.plan, self.setup.views
+        return {
+            "shard": plan.shard,
+            "whole": plan.whole,
+            "names": plan.names,
+            "asked": sorted(self._asked()),
+            "motion": digest(views.motion_text().encode()) if views else "",
         }

@@ -253,17 +253,18 @@ def _refuse_mixture(out: str, parts: list[Part]) -> None:
 
 
 def _different_inputs(parts: list[Part]) -> list[str]:
-    """Sentences when shards that have finished saw different images in all, by number or by name, or other poses of them."""
+    """A sentence when shards that have finished saw different images in all, by number or by name, or other poses of them."""
     runs = [(part.run, part.shard) for part in parts if part.run.get("status") == "finished"]
     named = all("names" in run for run, _ in runs)  # earlier versions did not
     seen = {(run.get("whole"), run["names"] if named else ""): shard for run, shard in runs}
-    if len(seen) < 2:
-        moved = {run["motion"]: shard for run, shard in runs if "motion" in run}
-        shards = " and ".join(map(str, moved.values()))
-        told = f"shards {shards} were run with other poses or pairs; run them all again with the same files"
-        return [told] if len(moved) > 1 else []
-    shown = ", ".join(f"{whole} by shard {shard}" for (whole, _), shard in seen.items())
-    return [f"the shards found different images ({shown}); run them all again over the same inputs"]
+    if len(seen) > 1:
+        shown = ", ".join(f"{whole} by shard {shard}" for (whole, _), shard in seen.items())
+        return [f"the shards found different images ({shown}); run them all again over the same inputs"]
+    moved = {run["motion"]: shard for run, shard in runs if "motion" in run}
+    if len(moved) > 1:
+        shown = " and ".join(map(str, moved.values()))
+        return [f"shards {shown} were run with other poses or pairs; run them all again with the same files"]
+    return []
 
 
 def _sweep(out: str) -> None:
