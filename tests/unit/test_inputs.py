@@ -204,6 +204,8 @@ def test_images_behind_a_url_are_run_like_files(store, images: Path, tmp_path: P
     assert [job.source.name for job in plan.jobs] == ["a.png", "b/a9.png", "b/a10.png"]
     assert [source.name for source in discover(["memory://bucket/set/b/*.png"])] == ["a9.png", "a10.png"]
     assert [source.name for source in discover(["memory://bucket/set/a.png"])] == ["a.png"]
+    store.pipe("/bucket/set/f/a[1].png", (images / "a.png").read_bytes())
+    assert [source.name for source in discover(["MEMORY://bucket/set/f/a[1].png"])] == ["a[1].png"]
     labelme = Products(exports=("labelme",))
     run_batch(["memory://bucket/set/a.png"], tmp_path / "three", executor=INPROCESS, products=labelme)
     assert '"memory://bucket/set/a.png"' in (tmp_path / "three" / "labelme" / "a.json").read_text()

@@ -9,7 +9,7 @@ import pytest
 
 from ffseg.batch.plan.discover import discover
 from ffseg.batch.plan.remote import read_remote
-from ffseg.errors import ImageReadError
+from ffseg.errors import ImageReadError, UsageError
 
 SECRET = "Basic " + base64.b64encode(b"me:so/so").decode()
 
@@ -52,6 +52,17 @@ def test_an_object_is_read_whole_and_named_by_its_path(port: int) -> None:
     assert (source.path, source.name) == (url, "a.png")
     assert read_remote(url, 6) == b"pixels"
     assert read_remote(f"http://me:so%2Fso@127.0.0.1:{port}/guarded.png", 6) == b"pixels"
+
+
+def test_a_scheme_in_capitals_is_the_same(port: int) -> None:
+    url = f"HTTP://127.0.0.1:{port}/a.png"
+    assert [one.name for one in discover([url])] == ["a.png"]
+    assert read_remote(url, 6) == b"pixels"
+
+
+def test_an_address_that_is_none_says_which_are() -> None:
+    with pytest.raises(UsageError, match="begin with one of .*http://.*; name what is on this machine by its path"):
+        discover(["file:///tmp/a.png"])
 
 
 def test_every_mark_in_an_address_is_its_own() -> None:

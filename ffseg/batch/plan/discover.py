@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ffseg.batch.outputs.table import OUTPUT_FOLDERS
 from ffseg.batch.plan.archives import images_among, is_archive, members
-from ffseg.batch.plan.remote import file_system, is_remote, remote_name
+from ffseg.batch.plan.remote import PROTOCOLS, file_system, is_http, is_remote, remote_name
 from ffseg.batch.plan.sources import READ_SUFFIXES, STATE_FOLDER, SUFFIXES, Source, natural_key
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.io.bags import MARK, stamps
@@ -20,6 +20,7 @@ from ffseg.io.files import SKIP_FILE, is_temporary, printable
 from ffseg.io.films import ANIMATIONS, contents, is_film, require_video
 
 _CHECK = "check the name"
+_ADDRESSES = ", ".join(f"{one}://" for one in PROTOCOLS if one != "memory")
 
 
 def discover(
@@ -115,9 +116,11 @@ def _expand(text: str, skipped: Counter[str]) -> list[Source]:
     if os.path.lexists(text):
         return [Source(text, os.path.basename(text))]
     if not glob.has_magic(text):
-        remedy = (
-            "'ffseg segment - OUT' takes an image on stdin, 'ffseg run - --out -' frames" if text == "-" else _CHECK
-        )
+        remedy = _CHECK
+        if text == "-":
+            remedy = "'ffseg segment - OUT' takes an image on stdin, 'ffseg run - --out -' frames"
+        elif "://" in text:
+            remedy = f"addresses begin with one of {_ADDRESSES}; name what is on this machine by its path"
         raise UsageError(f"there is no file or folder {printable(text)}; {remedy}")
     return _expand_pattern(text, skipped)
 
@@ -125,10 +128,10 @@ def _expand(text: str, skipped: Counter[str]) -> list[Source]:
 def _remote_sources(url: str) -> list[Source]:
     """Images of a URL: one, those of a pattern, or those below a folder of a store."""
     try:
-        if url.startswith("http"):
+        if is_http(url):
             return [Source(url, remote_name(url))]
         system, path = file_system(url)
-        if any(mark in path for mark in "*?["):
+        if any(mark in path for mark in "*?[") and not system.isfile(path):
             base = path[: min(path.find(mark) for mark in "*?[" if mark in path)].rpartition("/")[0]
             paths = [one for one in system.glob(path) if not system.isdir(one)]
         elif not system.isdir(path):

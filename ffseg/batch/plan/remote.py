@@ -19,7 +19,12 @@ _GONE = (404, 410)
 
 def is_remote(text: str) -> bool:
     """Whether an input is a URL that is read through fsspec."""
-    return "://" in text and text.partition("://")[0] in PROTOCOLS
+    return "://" in text and text.partition("://")[0].lower() in PROTOCOLS
+
+
+def is_http(url: str) -> bool:
+    """Whether such a URL is of HTTP, which lists no folder."""
+    return url.lower().startswith("http")
 
 
 def remote_name(url: str) -> str:
@@ -38,7 +43,8 @@ def file_system(url: str) -> tuple[Any, str]:
     if find_spec("fsspec") is None:
         raise ImportError("fsspec is not installed; install it with: pip install 'ffseg[remote]'")
     core: Any = import_module("fsspec.core")
-    system, path = core.url_to_fs(url)
+    protocol, mark, rest = url.partition("://")
+    system, path = core.url_to_fs(protocol.lower() + mark + rest)
     return system, path
 
 
@@ -56,7 +62,7 @@ def read_remote(url: str, max_bytes: int, *, redirects: bool = False) -> bytes:
         With the reason ``missing``, ``unreadable``, ``truncated``, ``empty`` or ``too-many-bytes``.
     """
     try:
-        with _open_http(url, redirects=redirects) if url.startswith("http") else _open_store(url) as file:
+        with _open_http(url, redirects=redirects) if is_http(url) else _open_store(url) as file:
             data: bytes = file.read(max_bytes + 1)
             short = getattr(file, "length", None) if len(data) <= max_bytes else None
     except FileNotFoundError as error:
