@@ -57,6 +57,7 @@ def test_an_object_is_read_whole_and_named_by_its_path(port: int) -> None:
 def test_a_scheme_in_capitals_is_the_same(port: int) -> None:
     url = f"HTTP://127.0.0.1:{port}/a.png"
     assert [one.name for one in discover([url])] == ["a.png"]
+    assert len(discover([url, url.replace("HTTP", "http")])) == 1
     assert read_remote(url, 6) == b"pixels"
 
 

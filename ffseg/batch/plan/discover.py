@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ffseg.batch.outputs.table import OUTPUT_FOLDERS
 from ffseg.batch.plan.archives import images_among, is_archive, members
-from ffseg.batch.plan.remote import PROTOCOLS, file_system, is_http, is_remote, remote_name
+from ffseg.batch.plan.remote import PROTOCOLS, file_system, is_remote, remote_name, small_scheme
 from ffseg.batch.plan.sources import READ_SUFFIXES, STATE_FOLDER, SUFFIXES, Source, natural_key
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.io.bags import MARK, stamps
@@ -108,7 +108,7 @@ def bag_frames(bag: str, topic: str) -> list[Source]:
 
 def _expand(text: str, skipped: Counter[str]) -> list[Source]:
     if is_remote(text):
-        return _remote_sources(text)
+        return _remote_sources(small_scheme(text))
     if os.path.isdir(text):
         return sorted(_walk(text, skipped), key=_source_key)
     if is_archive(text) and os.path.isfile(text):
@@ -128,7 +128,7 @@ def _expand(text: str, skipped: Counter[str]) -> list[Source]:
 def _remote_sources(url: str) -> list[Source]:
     """Images of a URL: one, those of a pattern, or those below a folder of a store."""
     try:
-        if is_http(url):
+        if url.startswith("http"):
             return [Source(url, remote_name(url))]
         system, path = file_system(url)
         if any(mark in path for mark in "*?[") and not system.isfile(path):

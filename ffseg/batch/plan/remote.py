@@ -22,9 +22,10 @@ def is_remote(text: str) -> bool:
     return "://" in text and text.partition("://")[0].lower() in PROTOCOLS
 
 
-def is_http(url: str) -> bool:
-    """Whether such a URL is of HTTP, which lists no folder."""
-    return url.lower().startswith("http")
+def small_scheme(url: str) -> str:
+    """The URL with its scheme in small letters."""
+    scheme, mark, rest = url.partition("://")
+    return scheme.lower() + mark + rest
 
 
 def remote_name(url: str) -> str:
@@ -43,8 +44,7 @@ def file_system(url: str) -> tuple[Any, str]:
     if find_spec("fsspec") is None:
         raise ImportError("fsspec is not installed; install it with: pip install 'ffseg[remote]'")
     core: Any = import_module("fsspec.core")
-    protocol, mark, rest = url.partition("://")
-    system, path = core.url_to_fs(protocol.lower() + mark + rest)
+    system, path = core.url_to_fs(url)
     return system, path
 
 
@@ -61,8 +61,9 @@ def read_remote(url: str, max_bytes: int, *, redirects: bool = False) -> bytes:
     ImageReadError
         With the reason ``missing``, ``unreadable``, ``truncated``, ``empty`` or ``too-many-bytes``.
     """
+    url = small_scheme(url)
     try:
-        with _open_http(url, redirects=redirects) if is_http(url) else _open_store(url) as file:
+        with _open_http(url, redirects=redirects) if url.startswith("http") else _open_store(url) as file:
             data: bytes = file.read(max_bytes + 1)
             short = getattr(file, "length", None) if len(data) <= max_bytes else None
     except FileNotFoundError as error:
