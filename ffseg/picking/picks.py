@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
@@ -23,6 +24,7 @@ MOST = 1000
 """Starts of an image that the parameters take; strokes and boxes are no more."""
 MOST_POINTS = 20_000
 """Of one stroke: ten minutes of a pen's."""
+_DIGEST = re.compile(r"[0-9a-f]{32}|")
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +61,8 @@ class Picked:
         In place of the parameters'.
     status : str
         One of ``STATUSES``.
+    base : str
+        Digest of the region that an accepted mask was painted on, which is kept; empty where it is to be found.
     """
 
     starts: tuple[Circle, ...] = ()
@@ -68,6 +72,12 @@ class Picked:
     probability: float | None = None
     clearance: float | None = None
     status: str = "open"
+    base: str = ""
+
+    @property
+    def unpainted(self) -> Picked:
+        """What the region below the strokes is made from."""
+        return replace(self, strokes=(), status="open", base="")
 
     @property
     def grows(self) -> bool:
@@ -112,11 +122,14 @@ class Picked:
                 _value(given.get("probability"), "probability"),
                 _value(given.get("clearance"), "clearance"),
                 given.get("status", "open"),
+                given.get("base") or "",
             )
         except (TypeError, ValueError, KeyError, OverflowError) as error:
             raise UsageError(f"what was picked cannot be read ({error}); load the page again") from error
         if picked.status not in STATUSES:
             raise UsageError(f"the status {str(picked.status)[:40]!r} is none of {', '.join(STATUSES)}")
+        if not isinstance(picked.base, str) or not _DIGEST.fullmatch(picked.base):
+            raise UsageError(f"the region {str(picked.base)[:40]!r} is none that was kept; load the page again")
         return picked
 
 
@@ -285,7 +298,7 @@ class Journal:
         track = self.track(image)
         if track.after(do, picked) is None:
             return False
-        self._require_in_place()
+        self.require_in_place()
         entry = {"image": image, "do": do, "size": size} | ({} if picked is None else {"picked": asdict(picked)})
         line = json.dumps(entry, separators=(",", ":")).encode("ascii") + b"\n"
         before = os.fstat(self._descriptor)
@@ -300,8 +313,14 @@ class Journal:
         track.size = size
         return track.step(do, picked)
 
-    def _require_in_place(self) -> None:
-        """Refuse to go on in a folder that was moved away: files beside the journal would be made anew at its old place."""
+    def require_in_place(self) -> None:
+        """Refuse to go on in a folder that was moved away: files beside the journal would be made anew at its old place.
+
+        Raises
+        ------
+        OutputError
+            If it was.
+        """
         with suppress(OSError):
             if os.path.samestat(os.fstat(self._descriptor), os.stat(self._path)):
                 return

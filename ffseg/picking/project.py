@@ -8,6 +8,7 @@ import os
 import shlex
 from collections.abc import Sequence
 from dataclasses import replace
+from hashlib import blake2b
 from pathlib import Path
 
 import numpy as np
@@ -39,7 +40,7 @@ from ffseg.picking.scene import Found
 
 JOURNAL, STARTS, SETTINGS, MODEL, COMMAND = "picks.jsonl", "starts.csv", "pick.yaml", "model.ffmodel", "run.sh"
 LEARNED, KEPT = "learned.json", "kept.json"
-MASKS, LABELS, IMPORTED, REVIEWED, RUN = "masks", "labels", "imported", "reviewed", "run"
+MASKS, LABELS, IMPORTED, REGIONS, RUN = "masks", "labels", "imported", "regions", "run"
 MOST_BYTES = 1 << 28
 
 
@@ -129,14 +130,10 @@ class Project:
         model = self.model
         return replace(self._params, edges=replace(self._params.edges, model=model)) if model else self._params
 
-    def base(self, name: str, *, kept: bool = False) -> NDArray[np.bool_] | None:
+    def base(self, name: str) -> NDArray[np.bool_] | None:
         """What another program or a run has found in an image; None where there is no mask of it."""
         imported = self.mask(name, IMPORTED)
-        if imported is not None:
-            return imported
-        now, before = self._reviewed(name), self.mask(name, REVIEWED)
-        first, second = (before, now) if kept else (now, before)
-        return second if first is None else first
+        return self._reviewed(name) if imported is None else imported
 
     def _reviewed(self, name: str) -> NDArray[np.bool_] | None:
         """The mask of an image in the run that is reviewed, also where it was packed."""
@@ -164,11 +161,14 @@ class Project:
         """Images of a status other than ``open``."""
         return len(self.journal.names(lambda track: track.now.status == status))
 
-    def keep_base(self, name: str, base: NDArray[np.bool_]) -> None:
-        """Keep what an accepted mask begins with, to be found again though another run is reviewed then."""
-        path = self.mask_path(name, self.path(REVIEWED))
-        make_folder(os.path.dirname(path))
-        write_bytes_atomic(path, encode_mask(base))
+    def keep_region(self, region: NDArray[np.bool_]) -> str:
+        """Keep what an accepted mask was painted on, whatever another model or run finds then; its digest."""
+        data = encode_mask(region)
+        digest = blake2b(data, digest_size=16).hexdigest()
+        self.journal.require_in_place()
+        make_folder(self.path(REGIONS))
+        write_bytes_atomic(self.mask_path(digest, self.path(REGIONS)), data)
+        return digest
 
     def keep(self, source: Source, found: Found | None) -> None:
         """Bring the files up to what the journal says, all or none.

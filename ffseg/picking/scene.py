@@ -50,6 +50,8 @@ class Found:
         What told the region: an edge source, ``run`` or nothing.
     ms : float
         Taken by the segmentation.
+    base : ndarray of bool, shape (H, W), or None
+        What strokes were painted on, if there are any.
     """
 
     mask: Mask
@@ -59,6 +61,7 @@ class Found:
     source: str = ""
     score: float = 0.0
     ms: float = 0.0
+    base: Mask | None = None
 
     def document(self) -> dict[str, object]:
         """What the page draws."""
@@ -133,7 +136,7 @@ class Scene:
         found = self._grown(image, factor, picked, params, base)
         if picked.strokes:
             mask = painted(found.mask, picked.strokes, factor)
-            found = replace(found, mask=mask, contours=outlines_of(mask), factor=factor)
+            found = replace(found, mask=mask, contours=outlines_of(mask), factor=factor, base=found.mask)
         ms = (perf_counter() - begin) * 1e3
         if quick and ms > PATIENCE_MS:
             self._widest = max(NARROWEST, self._widest // 2)

@@ -34,7 +34,7 @@ from ffseg.parameter_text import as_settings
 from ffseg.parameters import Parameters, load_params
 from ffseg.picking.learner import Work
 from ffseg.picking.picks import Picked
-from ffseg.picking.project import RUN, STARTS, Project, size_of
+from ffseg.picking.project import REGIONS, RUN, STARTS, Project, size_of
 from ffseg.picking.scene import Found, Scene
 from ffseg.pipeline import outlines_of
 from ffseg.plugins import check_source
@@ -161,7 +161,7 @@ class Session:
         found = list(self._drawn(labels))  # all of them can be read before one is taken
         for project, index, mask in found:
             project.take(self.sources[index], mask)
-            self._keep_step(project, index, self._found(project, index, project.track(index).now, kept=True))
+            self._keep_step(project, index, self._found(project, index, project.track(index).now))
         for work in self._work:
             work.learn(again=bool(found))
         return len(found), [*labels.odd]
@@ -249,21 +249,28 @@ class Session:
 
     def find(self, label: int, index: int, document: object, *, quick: bool) -> dict[str, Any]:
         """The region of what is picked, for the page to draw; nothing is kept. Of what is accepted the mask that was written."""
-        project, picked = self.projects[label], Picked.read(document)
+        project = self.projects[label]
+        picked = self._picked(project, index, document)
         if picked.status == "accepted" and picked == project.track(index).now:
             mask = project.mask(self.sources[index].name)
             if mask is not None and mask.shape == self.scene(index).shape:
                 return Found(mask, outlines_of(mask), source="mask").document()
-        accepted = project.track(index).now.status == "accepted"
-        return self._found(project, index, picked, quick=quick, kept=accepted).document()
+        return self._found(project, index, picked, quick=quick).document()
 
-    def _found(self, project: Project, index: int, picked: Picked, *, quick: bool = False, kept: bool = False) -> Found:
-        return self.scene(index).find(picked, project.params, self._base(project, index, kept=kept), quick=quick)
+    def _picked(self, project: Project, index: int, document: object) -> Picked:
+        """What a page says; a stroke more on what is accepted changes no more than it paints."""
+        picked, now = Picked.read(document), project.track(index).now
+        painted = now.status == picked.status == "accepted" and picked.unpainted == now.unpainted
+        return replace(picked, base=now.base if painted else "")
 
-    def _base(self, project: Project, index: int, *, kept: bool) -> NDArray[np.bool_] | None:
-        """What a region begins with: of the run that is reviewed, or what was kept when it was accepted."""
-        base = project.base(self.sources[index].name, kept=kept)
-        return base if base is not None and base.shape == self.scene(index).shape else None
+    def _found(self, project: Project, index: int, picked: Picked, *, quick: bool = False) -> Found:
+        scene = self.scene(index)
+        kept = project.mask(picked.base, REGIONS) if picked.base else None
+        if kept is not None and kept.shape == scene.shape:
+            return scene.find(Picked(strokes=picked.strokes), project.params, kept, quick=quick)
+        base = project.base(self.sources[index].name)
+        fits = base is not None and base.shape == scene.shape
+        return scene.find(picked, project.params, base if fits else None, quick=quick)
 
     def change(
         self, label: int, index: int, version: int, do: str, document: object = None, seen: str = ""
@@ -285,23 +292,20 @@ class Session:
         if do not in ("pick", "undo", "redo"):
             raise KeyError(do)
         project, name = self.projects[label], self.sources[index].name
-        picked = Picked.read(document) if do == "pick" else None
         if seen and seen != self.picture_address(index):
             raise UsageError("the image's file was replaced or removed since it was opened; reload the page to see it")
         with self._changing:
             track = project.track(index)
             if track.version != version:
                 raise StaleError
-            after = track.after(do, picked)
-            kept = do != "pick" or track.now.status == "accepted"  # a stroke more changes no more than it paints
-            found: Found | None = None
+            picked = self._picked(project, index, document) if do == "pick" else None
+            after, found = track.after(do, picked), None
             if after is not None and after.status == "accepted":
-                base = self._base(project, index, kept=kept)
-                found = self.scene(index).find(after, project.params, base)
+                found = self._found(project, index, after)
                 if not _has_two_sides(found.mask):
                     raise UsageError("a mask needs pixels inside and outside; pick a region first, or skip the image")
-                if found.source == "run" and base is not None:
-                    project.keep_base(name, base)
+                if picked is not None and not picked.base:
+                    picked = replace(picked, base=project.keep_region(found.mask if found.base is None else found.base))
             if project.journal.add(name, do, picked, size_of(self.sources[index].path)):
                 self._keep_step(project, index, found)
                 if project.track(index).accepted:
@@ -319,7 +323,7 @@ class Session:
         found: Found | None = None
         if now.status == "accepted":
             try:
-                found = self._found(project, index, now, kept=True)
+                found = self._found(project, index, now)
             except ImageReadError:  # the page says why
                 return
             if not _has_two_sides(found.mask):

@@ -366,10 +366,38 @@ def test_a_stroke_on_an_accepted_mask_changes_no_more(tmp_path: Path, monkeypatc
         assert (mask_of(out / "masks" / "a.png") ^ disc(LEFT)).sum() < 20
         own.change(0, 0, 2, "undo")
     assert np.array_equal(mask_of(out / "masks" / "a.png"), disc(LEFT))
-    for gone in ("masks", "reviewed"):
-        (out / gone / "a.png").unlink()
+    for gone in (out / "masks" / "a.png", *(out / "regions").iterdir()):
+        gone.unlink()
     with session(folder, out) as own:
         assert own.statuses(0) == {}, "no mask is better than an empty one"
+
+
+def test_steps_on_accepted_masks_are_undone_whatever_would_be_found_now(tmp_path: Path, monkeypatch) -> None:
+    """A newer model, or another run, was followed by a stroke on an accepted mask and by undoing to one."""
+    mask, found = tmp_path / "out" / "masks" / "a.png", Scene._grown
+    stroke = {"inside": True, "radius": 2, "points": [[5, 5]]}
+    with session(draw(tmp_path / "in", ["a.png"]), tmp_path / "out") as own:
+        for version, place in ((0, LEFT), (2, RIGHT)):  # what two models propose where nothing is picked
+
+            def proposed(*args: object, place: tuple[int, int] = place) -> Found:
+                there = args[3] if args[5] is not None else Picked(starts=((*place, 6.0),))
+                return found(*args[:3], there, *args[4:])
+
+            monkeypatch.setattr(Scene, "_grown", proposed)
+            own.forget()
+            own.change(0, 0, version, "pick", OPEN | {"status": "accepted"})
+            own.forget()
+            assert overlap(mask_of(mask), disc(place)) > 0.95
+            if version == 0:
+                own.change(0, 0, 1, "pick", OPEN)
+        own.change(0, 0, 3, "undo")
+        own.change(0, 0, 4, "undo")
+        assert overlap(mask_of(mask), disc(LEFT)) > 0.95
+        monkeypatch.undo()
+        own.change(0, 0, 5, "pick", own.image(0, 0)["picked"] | {"strokes": [stroke]})
+        assert 0 < (mask_of(mask) ^ disc(LEFT)).sum() < 60
+        own.change(0, 0, 6, "undo")
+        assert overlap(mask_of(mask), disc(LEFT)) > 0.95
 
 
 def test_a_model_goes_with_the_masks_it_is_of(tmp_path: Path) -> None:
@@ -644,7 +672,7 @@ def test_what_was_learned_is_used_where_it_helps_and_orders_the_images(tmp_path:
 
 
 def test_an_accepted_image_shows_the_mask_that_was_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whatever a later model would find; and nothing is accepted again that has no region any more."""
+    """Whatever a later model would find; and nothing is accepted again whose region is neither kept nor found."""
     found = Scene.find
     with session(draw(tmp_path / "in", ["a.png"]), tmp_path / "out") as own:
         accept(own, 0)
@@ -652,6 +680,7 @@ def test_an_accepted_image_shows_the_mask_that_was_kept(tmp_path: Path, monkeypa
         monkeypatch.setattr(Scene, "find", lambda self, picked, *rest, **how: found(self, Picked(), *rest, **how))
         assert own.find(0, 0, own.image(0, 0)["picked"], quick=False)["path"] == kept["path"] != ""
         own.change(0, 0, 1, "undo")
+        next((tmp_path / "out" / "regions").iterdir()).unlink()
         with pytest.raises(UsageError, match="a mask needs pixels"):
             own.change(0, 0, 2, "redo")
         assert own.statuses(0) == {}
