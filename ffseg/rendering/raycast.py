@@ -145,14 +145,18 @@ class _Caster:
         ways = np.stack([c * rays[:, 0] - s * rays[:, 1], s * rays[:, 0] + c * rays[:, 1], -rays[:, 2]], axis=1)
         eye = np.array([self._pose[0], self._pose[1], self._height])
         with np.errstate(divide="ignore", invalid="ignore"):
-            reach = np.where(ways[:, 2] < 0, -self._height / ways[:, 2], np.inf)
-            hits = self._ground_hits(eye, ways, np.minimum(reach, FARTHEST))
-            reach = self._room_hits(eye, ways, reach, hits)
+            ground = np.where(ways[:, 2] < 0, -self._height / ways[:, 2], np.inf)
+            label = np.full(len(ways), GROUND, dtype=np.int16)
+            hits = _Hits(label, np.empty(len(ways), np.int32), np.empty(len(ways)))
+            reach = self._room_hits(eye, ways, ground, hits)
             for index, box in enumerate(self._scene.boxes):
                 reach = self._box_hits(eye, ways, reach, (index, box), hits)
+            low = label == GROUND  # which nothing hides
+            label[low], hits.grey[low] = self._ground_hits(eye, ways[low], np.minimum(ground[low], FARTHEST))
+            hits.part[low] = label[low]
         return hits
 
-    def _ground_hits(self, eye: Array, ways: Array, reach: Array) -> _Hits:
+    def _ground_hits(self, eye: Array, ways: Array, reach: Array) -> tuple[Labels, Array]:
         points = eye[:2] + ways[:, :2] * reach[:, None]
         slope = np.maximum(-ways[:, 2], 0.02)
         grey = np.full(len(points), self._scene.ground_grey)
@@ -170,7 +174,7 @@ class _Caster:
             shining = _shining(self._scene.floor.streak, points - eye[:2])
             grey[shining] += self._scene.floor.streak[4]
             label[shining] = STREAK
-        return _Hits(label, label.astype(np.int32), grey)
+        return label, grey
 
     def _room_hits(self, eye: Array, ways: Array, reach: Array, hits: _Hits) -> Array:
         room: Room = self._scene.room
@@ -201,10 +205,9 @@ class _Caster:
         half = np.append(box.half, box.height / 2)
         enter = (-np.sign(along) * half - origin) / along
         leave = (np.sign(along) * half - origin) / along
-        axis = np.argmax(enter, axis=1)
-        near = enter[np.arange(len(enter)), axis]
-        met = (near > 0) & (near <= leave.min(axis=1)) & (near < reach)
-        axis = axis[met]
+        near = np.maximum(np.maximum(*enter.T[:2]), enter.T[2])
+        met = (near > 0) & (near <= np.minimum(np.minimum(*leave.T[:2]), leave.T[2])) & (near < reach)
+        axis = np.argmax(enter[met], axis=1)
         point = origin + along[met] * near[met, None]
         face = np.where(axis == 2, 0, 1 + 2 * axis + (along[met, axis] > 0))
         others = np.array([[1, 2], [0, 2], [0, 1]])[axis]

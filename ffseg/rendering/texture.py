@@ -27,21 +27,21 @@ class Noise:
 
     def __call__(self, points: Array, footprint: Array) -> Array:
         """Grey levels to add at points, shape (n, 2), metres, each seen by a pixel ``footprint`` metres wide."""
-        total = np.zeros(len(points))
+        total, columns = np.zeros(len(points)), np.ascontiguousarray(points.T)
         for (wavelength, amplitude), nodes, offset in zip(self._octaves, self._nodes, self._offsets, strict=True):
             fade = amplitude / (1.0 + (1.5 * footprint / wavelength) ** 4)
-            total += fade * _value(nodes, points / wavelength + offset)
+            total += fade * _value(nodes, columns / wavelength + offset[:, None])
         return total
 
 
 def _value(nodes: NDArray[np.float32], at: Array) -> Array:
-    """Value noise: smoothstep between the four lattice nodes."""
+    """Value noise: smoothstep between the four lattice nodes; `at` has shape (2, n)."""
     low = np.floor(at)
     part = at - low
-    u, v = (part * part * (3.0 - 2.0 * part)).T
-    x, y = low.astype(np.int64).T & (LATTICE - 1)
-    x1, y1 = (x + 1) & (LATTICE - 1), (y + 1) & (LATTICE - 1)
-    top = nodes[y, x] * (1 - u) + nodes[y, x1] * u
-    bottom = nodes[y1, x] * (1 - u) + nodes[y1, x1] * u
+    u, v = part * part * (3.0 - 2.0 * part)
+    x, y = low.astype(np.int64) & (LATTICE - 1)
+    x1, row, below = (x + 1) & (LATTICE - 1), y * LATTICE, ((y + 1) & (LATTICE - 1)) * LATTICE
+    top = nodes.take(row + x) * (1 - u) + nodes.take(row + x1) * u
+    bottom = nodes.take(below + x) * (1 - u) + nodes.take(below + x1) * u
     value: Array = top * (1 - v) + bottom * v
     return value

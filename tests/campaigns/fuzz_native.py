@@ -14,7 +14,7 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from tests.campaigns import harness, sanitized
+from tests.campaigns import compiling, harness, sanitized
 from tests.campaigns.compiling import ROOT
 
 CHUNK = 50_000
@@ -61,9 +61,11 @@ class Figures:
         return "\n".join([*lines, total, f"{len(self.findings)} findings", *self.findings])
 
 
-def campaign(work: Path, cases: int, seed: int = 0, first: int = 0) -> Figures:
+def campaign(
+    work: Path, cases: int, seed: int = 0, first: int = 0, build: compiling.Build = sanitized.BUILD
+) -> Figures:
     """Run native cases; a finding ends a process, and the next one goes on behind it."""
-    driver, figures = sanitized.build_driver(work), Figures()
+    driver, figures = sanitized.build_driver(work, build), Figures()
     begin, number, end = time.perf_counter(), first, first + cases
     while number < end and len(figures.findings) < MOST_FINDINGS:
         number = _chunk(driver, work / "case", (number, min(CHUNK, end - number), seed), figures)

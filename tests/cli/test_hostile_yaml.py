@@ -12,7 +12,8 @@ CPU_MS = 200
 MEMORY_KB = 100_000
 """Bound of R11 for the whole process."""
 MOST_TRIES = 10
-"""Processes that share a core also slow each other's processor time: the least of so many is what the file costs."""
+"""Processes that share a core also slow each other's processor time: the least of so many is what the file costs, each
+but the first beside a start just before it."""
 
 
 MEASURE = """
@@ -50,6 +51,7 @@ def test_hostile_file_is_refused_in_time(name: str, start_ms: float, tmp_path: P
         code, cpu_ms, memory_kb, said = finished("config", "check", str(file))
         if cpu_ms - start_ms <= CPU_MS:
             break
+        start_ms = finished("config", "check", "default")[1]
     assert code == 2
     assert said.startswith(f"ffseg: error: {file}:{line}: " if line else f"ffseg: error: {file}: ")
     assert "Traceback" not in said

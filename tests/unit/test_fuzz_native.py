@@ -30,7 +30,7 @@ def test_native_cases_under_sanitizers_are_clean(pytestconfig: pytest.Config) ->
     except compiling.NoCompilerError as error:
         pytest.skip(str(error))
     work = pytestconfig.cache.mkdir("sanitized")  # compiled objects are kept for as long as their sources are the same
-    figures = fuzz_native.campaign(work, CASES)
+    figures = fuzz_native.campaign(work, CASES, build=sanitized.FOR_FEW)
     assert (figures.findings, figures.cases) == ([], CASES)
     assert {"evolve", "rasterize", "edges", "march", "level_set", "snake", "scores"} <= set(figures.targets)
     assert all(count.cases > 0 for count in figures.targets.values())
@@ -50,7 +50,7 @@ def test_a_finding_is_named_and_the_next_case_follows(tmp_path: Path, monkeypatc
     stub = tmp_path / "stub"
     stub.write_text(STUB.format(python=sys.executable))
     stub.chmod(0o755)
-    monkeypatch.setattr(sanitized, "build_driver", lambda work: stub)
+    monkeypatch.setattr(sanitized, "build_driver", lambda *_: stub)
     figures = fuzz_native.campaign(tmp_path, 10)
     assert figures.findings == ["case 3: file.cpp:7: runtime error: index 9 out of bounds"]
     assert "runtime error" in (tmp_path / "finding-3.txt").read_text()
