@@ -9,7 +9,7 @@ from typing import Any, TypeVar, cast
 
 from ffseg.errors import ParameterError
 from ffseg.schema.kinds import BAD, Kind
-from ffseg.schema.nodes import Node, Problems, Source, shown, shown_key, wrap
+from ffseg.schema.nodes import MOST_PROBLEMS_SHOWN, Node, Problems, Source, shown, shown_key, wrap
 
 T = TypeVar("T")
 S = TypeVar("S", bound="Section")
@@ -128,7 +128,9 @@ def collect(section: type[Section], root: Node, problems: Problems, see_all: str
             if value is not BAD:
                 values[key] = value
         elif key not in groups:
-            problems.add(node.key_where, f"{shown_key(key)}: unknown key{nearest(key, [*known, *groups]) or see_all}")
+            is_shown = len(problems.lines) < MOST_PROBLEMS_SHOWN  # looking for the nearest takes a millisecond
+            near = nearest(key, [*known, *groups]) if is_shown else ""
+            problems.add(node.key_where, f"{shown_key(key)}: unknown key{near or see_all}")
         elif node.value is not None:
             problems.add(node.where, f"{key}: {shown(node.value)} is not a mapping; write {key}.KEY: VALUE")
     return values
