@@ -46,6 +46,8 @@ class AnnotatedImage:
         As `ffseg.image.polygons.polygons` makes them.
     label : str
         The class every region gets.
+    picture : str
+        For LabelMe the picture's own file in base 64, where `file_name` is none that it could open.
     """
 
     file_name: str
@@ -53,6 +55,7 @@ class AnnotatedImage:
     height: int
     regions: tuple[Polygon, ...]
     label: str = "region"
+    picture: str = ""
 
 
 def json_text(document: Document | list[Document]) -> str:
@@ -137,7 +140,7 @@ def _merged_annotations(documents: Iterable[Document], categories: Mapping[str, 
 
 
 def labelme_document(image: AnnotatedImage) -> Document:
-    """LabelMe document of one image, without the image's own bytes.
+    """LabelMe document of one image.
 
     Returns
     -------
@@ -155,7 +158,7 @@ def labelme_document(image: AnnotatedImage) -> Document:
         "flags": {},
         "shapes": [_labelme_shape(image.label, region) for region in image.regions],
         "imagePath": image.file_name,
-        "imageData": None,
+        "imageData": image.picture or None,
         "imageHeight": image.height,
         "imageWidth": image.width,
     }

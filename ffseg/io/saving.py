@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
@@ -49,7 +49,7 @@ class Source:
     image : ndarray of uint8, shape (H, W) or (H, W, 3), or None
         Needed for an overlay.
     behind : str
-        Address of an image that an SVG shows behind its contours.
+        Address of an image that an SVG shows behind its contours, and LabelMe in place of the one that is named.
     label : str
         Class that documents give to every region.
     """
@@ -136,7 +136,7 @@ def encoded(result: Segmentation, kind: str, source: Source, suffix: str = ".png
     if kind == "yolo":
         return yolo_text(annotated(result, "")).encode("ascii")
     if kind not in ("overlay", "cutout"):
-        return json_text(documents(result, kind, source.name, source.label)).encode("ascii")
+        return json_text(documents(result, kind, source.name, source.label, source.behind)).encode("ascii")
     image = source.image
     if image is None or image.shape[:2] != (height, width):
         shape = result.mask.shape
@@ -155,12 +155,12 @@ def annotated(result: Segmentation, name: str, label: str = "region") -> Annotat
     return AnnotatedImage(name, width, height, polygons(result.mask, result.contours), label)
 
 
-def documents(result: Segmentation, kind: str, name: str, label: str = "region") -> Document:
+def documents(result: Segmentation, kind: str, name: str, label: str = "region", behind: str = "") -> Document:
     """A result as a COCO, LabelMe or GeoJSON document."""
     from ffseg.io import exports
 
     made = {"coco": exports.coco_document, "labelme": exports.labelme_document, "geojson": exports.geojson_document}
-    return made[kind](annotated(result, name, label))
+    return made[kind](replace(annotated(result, name, label), picture=behind.partition(",")[2]))
 
 
 class Savable:

@@ -6,6 +6,7 @@ import contextlib
 import json
 import os
 import shlex
+from base64 import b64encode
 from collections.abc import Sequence
 from dataclasses import replace
 from hashlib import blake2b
@@ -170,13 +171,15 @@ class Project:
         write_bytes_atomic(self.mask_path(digest, self.path(REGIONS)), data)
         return digest
 
-    def keep(self, source: Source, found: Found | None) -> None:
+    def keep(self, source: Source, found: Found | None, picture: bytes = b"") -> None:
         """Bring the files up to what the journal says, all or none.
 
         Parameters
         ----------
         found : Found or None
             The region of an accepted image.
+        picture : bytes
+            Its picture, for LabelMe, where it has no file of its own.
 
         Raises
         ------
@@ -186,7 +189,7 @@ class Project:
         mask, labels = self._written(source.name)
         files = []
         if found is not None:
-            files = [(mask, encode_mask(found.mask)), (labels, self._labelme(source, found, labels))]
+            files = [(mask, encode_mask(found.mask)), (labels, self._labelme(source, found, labels, picture))]
             for path, _ in files:
                 make_folder(os.path.dirname(path))
         step = json.dumps([source.name, self.journal.track(source.name).version]).encode("ascii")
@@ -204,11 +207,10 @@ class Project:
         """The mask of an accepted image and its file for LabelMe."""
         return self.mask_path(name), f"{self.mask_path(name, self.path(LABELS))[:-4]}.json"
 
-    def _labelme(self, source: Source, found: Found, path: str) -> bytes:
-        height, width = found.mask.shape
-        image = AnnotatedImage(
-            path_from(path, source.path), width, height, polygons(found.mask, found.contours), self.label or "region"
-        )
+    def _labelme(self, source: Source, found: Found, path: str, picture: bytes) -> bytes:
+        (height, width), place = found.mask.shape, path_from(path, source.told)
+        regions, shown = polygons(found.mask, found.contours), b64encode(picture).decode("ascii")
+        image = AnnotatedImage(place, width, height, regions, self.label or "region", shown)
         return json_text(labelme_document(image)).encode("ascii")
 
     def write_starts(self) -> None:

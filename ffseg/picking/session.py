@@ -329,12 +329,17 @@ class Session:
             if not _has_two_sides(found.mask):
                 project.journal.add(name, "undo")
                 found = None
-        project.keep(self.sources[index], found)
+        self._keep(project, index, found)
+
+    def _keep(self, project: Project, index: int, found: Found | None) -> None:
+        source = self.sources[index]
+        own = found is None or os.path.isfile(source.told)
+        project.keep(source, found, b"" if own else self.scene(index).picture())
 
     def _keep_step(self, project: Project, index: int, found: Found | None) -> None:
         """Bring the files up to a step, which is taken back where what follows from it cannot be written."""
         try:
-            project.keep(self.sources[index], found)
+            self._keep(project, index, found)
         except FfsegError:
             project.journal.take_back()
             with suppress(FfsegError):

@@ -5,6 +5,7 @@ import io
 import json
 import subprocess
 import sys
+import tarfile
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -118,6 +119,23 @@ def test_exports_hold_the_mask_and_find_their_image(ffseg_command: Command, imag
     merged = json.loads((out / "coco.json").read_text())
     assert [image["file_name"] for image in merged["images"]] == ["a.png", "sub/b.png"]
     assert [annotation["image_id"] for annotation in merged["annotations"]] == [1, 2]
+
+
+def test_labelme_opens_what_has_no_file_of_its_own(ffseg_command: Command, images: Path, out: Path) -> None:
+    """It was told to open the tar file or the film."""
+    with tarfile.open(images / "all.tar", "w") as tar:
+        tar.add(images / "a.png", "a.png")
+    (images / "a.png").unlink()
+    cv2.imwritemulti(str(images / "pages.tif"), [cv2.imread(str(images / "sub" / "b.png"))] * 2)
+    ffseg_command("run", images / "all.tar", images, "--film", "--out", out, *START, "--export", "labelme", code=0)
+    for name, place in (("a", "all.tar/a.png"), ("pages_000001", "pages.tif/pages_000001.tif"), ("sub/b", "sub/b.png")):
+        document = json.loads((out / "labelme" / f"{name}.json").read_text())
+        assert document["imagePath"].endswith(f"in/{place}")
+        if name == "sub/b":
+            assert document["imageData"] is None
+            continue
+        shown = cv2.imdecode(np.frombuffer(base64.b64decode(document["imageData"]), np.uint8), cv2.IMREAD_COLOR)
+        assert shown.shape[:2] == read_mask(out / "masks" / f"{name}.png").shape
 
 
 @pytest.mark.parametrize("method", ["freeform", "snake", "levelset"])

@@ -56,7 +56,7 @@ class Context:
     name : str
         Relative name of the image.
     path : str
-        Where it is.
+        Where it is: of a frame or a member of a tar file its name below that file.
     target : str
         Where the output will be stored.
     lines : sequence of Polyline
@@ -118,8 +118,10 @@ def overlay(result: Segmentation, context: Context) -> bytes:
 
 
 def labelme(result: Segmentation, context: Context) -> bytes:
-    """LabelMe document of the image, which names it by the path from where the document is stored."""
-    return saved(result, "labelme", Source(path_from(context.target, context.path), label=context.label))
+    """LabelMe document, which names the image by the path from where it is stored, and holds one that has no file of its own."""
+    behind = "" if os.path.isfile(context.path) else jpeg_address(context.image, _QUALITY)
+    place = path_from(context.target, context.path)
+    return saved(result, "labelme", Source(place, behind=behind, label=context.label))
 
 
 def path_from(document: str, image: str) -> str:

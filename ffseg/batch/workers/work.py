@@ -123,7 +123,7 @@ class Workbench:
         products, views, source = self._setup.products, self._setup.views, job.source
         film = Film() if products.animation else None
         scene = Scene(image, params, callback=film, **self._masks.within(job.domain, self._limits).bounds)
-        context = Context(image, source.name, source.path, label=self._setup.params.region.label)
+        context = Context(image, source.name, source.told, label=self._setup.params.region.label)
         context = context if film is None else replace(context, snapshots=film.snapshots)
         if views is None:
             if job.evidence:
