@@ -1,5 +1,6 @@
 """``ffseg segment``: one image, formats by suffix, pipes."""
 
+import base64
 import io
 import json
 import os
@@ -108,6 +109,16 @@ def test_pipes(kind: str | None, mask: np.ndarray, tmp_path: Path) -> None:
         assert Image.open(io.BytesIO(done.stdout)).size == (800, 600)
     else:
         assert done.stdout.startswith(b"<?xml" if kind == "svg" else b"{")
+
+
+def test_labelme_finds_the_image_from_where_the_document_is(tmp_path: Path, ffseg_command: Command) -> None:
+    """Only its name was told, as if it lay beside."""
+    ffseg_command("segment", TOY, tmp_path / "a.json", "--as", "labelme", code=0)
+    told = json.loads((tmp_path / "a.json").read_text())
+    assert ((tmp_path / told["imagePath"]).resolve(), told["imageData"]) == (TOY.resolve(), None)
+    command = [sys.executable, "-m", "ffseg", "segment", "-", "-", "-q", "--as", "labelme"]
+    told = json.loads(subprocess.run(command, input=TOY.read_bytes(), capture_output=True, check=True).stdout)
+    assert Image.open(io.BytesIO(base64.b64decode(told["imageData"]))).size == (800, 600)
 
 
 def test_it_finds_what_run_finds(tmp_path: Path, ffseg_command: Command) -> None:

@@ -118,10 +118,14 @@ def overlay(result: Segmentation, context: Context) -> bytes:
 
 
 def labelme(result: Segmentation, context: Context) -> bytes:
-    """LabelMe document, which names the image by the path from where it is stored, and holds one that has no file of its own."""
-    behind = "" if os.path.isfile(context.path) else jpeg_address(context.image, _QUALITY)
-    place = path_from(context.target, context.path)
-    return saved(result, "labelme", Source(place, behind=behind, label=context.label))
+    """LabelMe document."""
+    return saved(result, "labelme", as_labelme(context.target, context.path, context.image, context.label))
+
+
+def as_labelme(document: str, path: str, image: NDArray[np.uint8], label: str) -> Source:
+    """An image as LabelMe opens it: by the path from where the document is stored, or held by it without a file of its own."""
+    behind = "" if os.path.isfile(path) else jpeg_address(image, _QUALITY)
+    return Source(path_from(document, path), behind=behind, label=label)
 
 
 def path_from(document: str, image: str) -> str:

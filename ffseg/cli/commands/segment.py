@@ -71,6 +71,7 @@ def segment(  # noqa: PLR0913 - the options of the command
     params = ready_params(config, options.overrides(context.params), evidence, allow_code=allow_code)
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     from ffseg.api import segment as segment_pixels
+    from ffseg.batch.outputs.encoding import as_labelme
     from ffseg.io.saving import Source, encoded
 
     domain = _domain(image, params.domain.masks)
@@ -78,10 +79,12 @@ def segment(  # noqa: PLR0913 - the options of the command
         pixels, note = _read(image, params.input.range)
         result = segment_pixels(pixels, params, evidence=_evidence(evidence), domain=domain)
         source = Source(_name(image), pixels, label=params.region.label)
-        suffixes = (".png" if path == PIPE else os.path.splitext(path)[1].lower() for path in outputs)
-        _write(
-            [(path, encoded(result, output, source, end)) for (path, output), end in zip(wanted, suffixes, strict=True)]
-        )
+        found = []
+        for path, output in wanted:
+            suffix = ".png" if path == PIPE else os.path.splitext(path)[1].lower()
+            seen = as_labelme(path, image, pixels, source.label) if output == "labelme" else source
+            found.append((path, encoded(result, output, seen, suffix)))
+        _write(found)
     except Exception as error:
         if not (isinstance(error, FfsegError) or is_out_of_memory(error)):
             raise
