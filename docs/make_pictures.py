@@ -27,7 +27,7 @@ from ffseg.io.strip import film_strip_svg
 from ffseg.rendering.pairs import render_pair
 from ffseg.samples import texture
 from ffseg.samples.drive import drive, drive_camera
-from ffseg.samples.paint import Paper, coverage
+from ffseg.samples.paint import SampleGrid, coverage
 from ffseg.samples.scenes import SCENES
 
 FOLDER = Path(__file__).resolve().parent / "images"
@@ -117,7 +117,7 @@ def with_settings(
 
 def rooms() -> None:
     """Two rooms and a door of 20 px, with and without clearance."""
-    paper = Paper(400, 240)
+    paper = SampleGrid(400, 240)
     doorway = paper.polygon([(150, 110), (260, 110), (260, 130), (150, 130)])
     free = coverage(paper.ellipse((105, 120), (85, 95)) | paper.ellipse((300, 120), (80, 95)) | doorway)
     image = texture.to_bytes(texture.softened(70 + 110 * free) + texture.grain((240, 400), 3.0, 7))

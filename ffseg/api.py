@@ -162,9 +162,9 @@ def _evidence(values: NDArray[np.float32] | None) -> NDArray[np.float32] | None:
     if values is None:
         return None
     refuse_masked("evidence", values)
-    given = np.asarray(values)
-    if given.ndim == 2 and given.dtype.kind in "biuf":
-        found = np.ascontiguousarray(given, np.float32)
+    array = np.asarray(values)
+    if array.ndim == 2 and array.dtype.kind in "biuf":
+        found = np.ascontiguousarray(array, np.float32)
         if ((found >= 0) & (found <= 1)).all():
             return found
     raise SegmentationError("evidence must be an array of shape (H, W) with values from 0 to 1")

@@ -15,12 +15,12 @@ from ffseg.image.edges import EdgeMap
 from ffseg.plugins import method as chosen
 from ffseg.scene import BlockedStartError, Outcome, Scene
 from ffseg.starts.moved import as_circle
-from ffseg.starts.parts import kept, parts
+from ffseg.starts.parts import further_starts, starts_in_parts
 from ffseg.starts.sides import on_one_side
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Found:
+class ContourResult:
     """What a method found.
 
     Attributes
@@ -45,14 +45,14 @@ class Found:
     boundary: Boundary | None = None
 
 
-def tried(edges: EdgeMap) -> Found | None:
+def trial_result(edges: EdgeMap) -> ContourResult | None:
     """What a contour has found on an edge map, where its source has asked for one; not where the map was changed since."""
-    asked, found = edges.trial or (edges, None)
+    tried_on, found = edges.trial or (edges, None)
     names = (one.name for one in fields(EdgeMap) if one.name != "trial")
-    return found if all(getattr(asked, name) is getattr(edges, name) for name in names) else None
+    return found if all(getattr(tried_on, name) is getattr(edges, name) for name in names) else None
 
 
-def contour(scene: Scene) -> Found:
+def contour(scene: Scene) -> ContourResult:
     """Ask the method of a scene for its contour.
 
     Raises
@@ -64,26 +64,26 @@ def contour(scene: Scene) -> Found:
         from ffseg.starts.boxes import in_boxes  # loads what only this needs
 
         scene = in_boxes(scene, scene.edges.odds)
-    scene = kept(bounded(scene))
+    scene = starts_in_parts(bounded(scene))
     if scene.boxes and scene.domain is not None and not scene.domain.any():
         raise SegmentationError(
             "no pixel of the image lies in the domain and in a box; move the box, or change the domain"
         )
     begin = perf_counter()
     free, messages, across = on_one_side(scene)
-    beyond = parts(free)  # of what lies on the starts' side
+    beyond = further_starts(free)  # of what lies on the starts' side
     free = outermost(replace(free, starts=(*free.starts, *beyond)))
     try:
         outcome = run(free)
     except BlockedStartError as blocked:
-        from ffseg.starts.moved import moved  # loads what only this needs
+        from ffseg.starts.moved import moved_starts  # loads what only this needs
 
-        free, told = moved(replace(scene, starts=(*scene.starts, *beyond)), str(blocked))
+        free, sentence = moved_starts(replace(scene, starts=(*scene.starts, *beyond)), str(blocked))
         try:
-            outcome, messages, across = run(free), (told,), False
+            outcome, messages, across = run(free), (sentence,), False
         except BlockedStartError as still:
-            raise SegmentationError(f"{told}, where it cannot move either; {still}") from still
-    return Found(free, outcome, messages, (perf_counter() - begin) * 1e3, across)
+            raise SegmentationError(f"{sentence}, where it cannot move either; {still}") from still
+    return ContourResult(free, outcome, messages, (perf_counter() - begin) * 1e3, across)
 
 
 def outermost(scene: Scene) -> Scene:
@@ -105,8 +105,8 @@ def bounded(scene: Scene) -> Scene:
     elif domain is not None and edges.domain is not domain:
         edges = replace(edges, domain=np.where(edges.domain > 0, domain, np.uint8(0)))
     region = scene.params.region
-    heard = edges.source == "hints"  # of what lies outside
-    if region.border != "free" or (scene.clicked_outside and not heard):
+    by_hints = edges.source == "hints"  # of what lies outside
+    if region.border != "free" or (scene.clicked_outside and not by_hints):
         from ffseg.starts.rivals import within_rivals  # loads what only this needs
 
         edges = within_rivals(edges, scene.start_region(), scene.params, scene.background)
@@ -124,16 +124,16 @@ def run(scene: Scene) -> Outcome:
         If it gives no `Outcome`, or a mask that is none of this image.
     """
     method = scene.method or chosen(scene.params.method)
-    found, told = method.loaded()(scene), f"method: {method.name} returned"
+    found, sentence = method.loaded()(scene), f"method: {method.name} returned"
     if not isinstance(found, Outcome):
-        raise ParameterError(f"{told} {type(found).__name__}; it must return an ffseg.Outcome")
+        raise ParameterError(f"{sentence} {type(found).__name__}; it must return an ffseg.Outcome")
     mask: object = found.mask
     if mask is None:
         return found
     if not isinstance(mask, np.ndarray) or mask.dtype not in (np.bool_, np.uint8) or mask.shape != scene.shape:
         what = f"{mask.dtype} of shape {mask.shape}" if isinstance(mask, np.ndarray) else type(mask).__name__
         raise ParameterError(
-            f"{told} a mask of {what}; it must be of bool or uint8 and of the image's shape {scene.shape}"
+            f"{sentence} a mask of {what}; it must be of bool or uint8 and of the image's shape {scene.shape}"
         )
     refuse_masked("mask", mask)
     return replace(found, mask=mask > 0)  # a copy: the method may use its own again

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.geometry.freeform import FreeForm
-from ffseg.image.magnified import magnified
+from ffseg.image.magnified import magnification
 from ffseg.image.resized import resized
 from ffseg.parameters import LEAST_START, Init, Parameters, Seed
 from ffseg.scene import Scene
@@ -22,12 +22,14 @@ def before_enlargement(scene: Scene) -> Scene:
     its size: edges, maps, models, what a camera measures, lengths in pixels that are not the defaults.
     """
     params = scene.params
-    told = scene.edges_given or scene.evidence is not None or scene.footprint is not None or len(scene.altitudes) > 0
+    at_its_size = (
+        scene.edges_given or scene.evidence is not None or scene.footprint is not None or len(scene.altitudes) > 0
+    )
     as_printed = scene.method is not None and bool(scene.method.source)
-    if told or as_printed or params.edges.model is not None or _lengths(params) != DEFAULTS:
+    if at_its_size or as_printed or params.edges.model is not None or _lengths(params) != DEFAULTS:
         return scene
     smallest = min((abs(start.signed_area) for start in scene.starts), default=0.0)
-    factor, image = magnified(scene.image, sqrt(smallest / pi) / LEAST_START)
+    factor, image = magnification(scene.image, sqrt(smallest / pi) / LEAST_START)
     return scene if factor == 1 else _reduced(scene, factor, image)
 
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.contour import Found
-from ffseg.evidence.surroundings import STRIDE, thinned
+from ffseg.contour import ContourResult
+from ffseg.evidence.surroundings import STRIDE, strided
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import packed_joints
 from ffseg.image.boundary import MARGIN, Boundary
@@ -54,8 +54,8 @@ class Doubt:
     message: str
 
 
-def judged(
-    scene: Scene, found: Found, contours: tuple[FreeForm, ...], mask: NDArray[np.bool_]
+def judge_region(
+    scene: Scene, found: ContourResult, contours: tuple[FreeForm, ...], mask: NDArray[np.bool_]
 ) -> tuple[float, tuple[Doubt, ...]]:
     """Score of a region found in a scene as it was given, and what there is to doubt.
 
@@ -66,7 +66,7 @@ def judged(
     doubts = tuple(_doubts(found, contours, mask, domain))
     edges = found.scene.edges
     if edges.odds is not None:
-        sure = sobered(expected_overlap(edges.odds, mask))
+        sure = calibrated(expected_overlap(edges.odds, mask))
     elif found.boundary is not None and contours == found.outcome.contours:
         sure = found.boundary.clear_share()
     else:
@@ -74,7 +74,7 @@ def judged(
     return min([sure, *(doubt.most for doubt in doubts)]), doubts
 
 
-def sobered(overlap: float) -> float:
+def calibrated(overlap: float) -> float:
     """The IoU that results have in the mean of which the prior expects so much overlap."""
     return overlap / (overlap + HOPE * (1 - overlap))
 
@@ -93,7 +93,7 @@ def expected_overlap(odds: NDArray[np.float32], mask: NDArray[np.bool_]) -> floa
     Probabilities below one half count as none: there are many of them far off, where they say more of the size of
     the image than of the region.
     """
-    few, inside = thinned(odds), mask[::STRIDE, ::STRIDE]
+    few, inside = strided(odds), mask[::STRIDE, ::STRIDE]
     every = (few > 0) / (1 + np.exp(-few))  # products and quotients, where choices would wait for each pixel
     both = float((every * inside).sum(dtype=np.float64))
     either = float(np.count_nonzero(inside)) + float(every.sum(dtype=np.float64)) - both
@@ -101,7 +101,7 @@ def expected_overlap(odds: NDArray[np.float32], mask: NDArray[np.bool_]) -> floa
 
 
 def _doubts(
-    found: Found, contours: tuple[FreeForm, ...], mask: NDArray[np.bool_], domain: NDArray[np.uint8] | None
+    found: ContourResult, contours: tuple[FreeForm, ...], mask: NDArray[np.bool_], domain: NDArray[np.uint8] | None
 ) -> Iterator[Doubt]:
     where = "image" if domain is None else "domain"
     area, room = int(np.count_nonzero(mask)), mask.size if domain is None else int(np.count_nonzero(domain))

@@ -67,12 +67,12 @@ def scores(mask: Mask, truth: NDArray[np.uint8]) -> Scores:
     if mask.shape != truth.shape:
         raise ValueError(f"the mask has shape {mask.shape}, the truth {truth.shape}")
     counted, inside = truth != IGNORED, truth == INSIDE
-    found, wanted, overlap = boundary(mask, counted), boundary(inside, counted), iou(mask, truth)
-    if len(found) and len(wanted):
-        return Scores(overlap, *_boundary_scores(found, wanted))
-    if not len(wanted) and inside.any() and (counted & ~inside).any():
+    found, true_boundary, overlap = boundary(mask, counted), boundary(inside, counted), iou(mask, truth)
+    if len(found) and len(true_boundary):
+        return Scores(overlap, *_boundary_scores(found, true_boundary))
+    if not len(true_boundary) and inside.any() and (counted & ~inside).any():
         return Scores(overlap, math.nan, math.nan, math.nan)
-    return Scores(overlap, math.nan, math.nan, 0.0 if len(found) or len(wanted) else float(overlap == 1))
+    return Scores(overlap, math.nan, math.nan, 0.0 if len(found) or len(true_boundary) else float(overlap == 1))
 
 
 def iou(mask: Mask, truth: NDArray[np.uint8]) -> float:
@@ -92,8 +92,8 @@ def boundary(mask: Mask, counted: Mask) -> NDArray[np.float64]:
     return np.concatenate([np.stack([x + 0.5, y], axis=1), np.stack([u, v + 0.5], axis=1)]).astype(np.float64)
 
 
-def _boundary_scores(found: NDArray[np.float64], wanted: NDArray[np.float64]) -> tuple[float, float, float]:
-    out, back = _core.nearest_distances(found, wanted), _core.nearest_distances(wanted, found)
+def _boundary_scores(found: NDArray[np.float64], true_boundary: NDArray[np.float64]) -> tuple[float, float, float]:
+    out, back = _core.nearest_distances(found, true_boundary), _core.nearest_distances(true_boundary, found)
     precision = float((out <= BOUNDARY_TOLERANCE).mean())
     recall = float((back <= BOUNDARY_TOLERANCE).mean())
     f = 2 * precision * recall / (precision + recall) if precision + recall else 0.0

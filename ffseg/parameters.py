@@ -12,7 +12,7 @@ from typing import Literal
 from ffseg.errors import ParameterError
 from ffseg.plugins import EDGE_SOURCES, METHODS, installed
 from ffseg.schema.kinds import FilePath, Flag, Integer, Many, Name, Number, OrWord, Row, Text, names_code
-from ffseg.schema.nodes import Node, Problems, Source, wrap
+from ffseg.schema.nodes import Node, Origin, Problems, wrap
 from ffseg.schema.sections import Section, build, collect, declared, leaves, nearest, subsection
 
 Overrides = Mapping[str, object] | Sequence[str]
@@ -389,14 +389,14 @@ def load_params(
     if source is None and overrides is None:
         return _defaults()
     problems = Problems()
-    given = {} if source is None else written(source, problems)
+    from_file = {} if source is None else written(source, problems)
     values: dict[str, object] = {}
     for root in _override_nodes(overrides, problems):
         values.update(collect(Parameters, root, problems))
     if not allow_code:
-        _refuse_code({key: value for key, value in given.items() if key not in values}, str(source), problems)
+        _refuse_code({key: value for key, value in from_file.items() if key not in values}, str(source), problems)
     problems.raise_as(ParameterError)
-    return build(Parameters, {**given, **values})
+    return build(Parameters, {**from_file, **values})
 
 
 def written(source: str | os.PathLike[str], problems: Problems) -> dict[str, object]:
@@ -460,7 +460,7 @@ def _file(source: str | os.PathLike[str], problems: Problems) -> Node:
         if name not in known and not os.path.exists(name):
             hint = nearest(name, list(known))
             problems.add(name, f"no such preset or file{hint}; the presets are {', '.join(known)}")
-            return Node({}, Source(name))
+            return Node({}, Origin(name))
         name = os.fspath(known.get(name, name))
     from ffseg.schema import strict_yaml  # loads yaml, 13 ms that a worker need not spend
 
@@ -475,7 +475,7 @@ def _override_nodes(overrides: Overrides | None, problems: Problems) -> list[Nod
     if overrides is None:
         return []
     if isinstance(overrides, Mapping):
-        return [wrap(overrides, Source("overrides"))]
+        return [wrap(overrides, Origin("overrides"))]
     if not isinstance(overrides, list | tuple) or not all(isinstance(text, str) for text in overrides):
         raise ParameterError("overrides must be a mapping or a list of 'KEY=VALUE' texts; put the text into a list")
     return [_assignment(text, problems) for text in overrides]
@@ -484,7 +484,7 @@ def _override_nodes(overrides: Overrides | None, problems: Problems) -> list[Nod
 def _assignment(text: str, problems: Problems) -> Node:
     """Parse ``KEY=VALUE`` into a mapping of one key."""
     key, equals, value = text.partition("=")
-    source = Source(f"--set {text}")
+    source = Origin(f"--set {text}")
     if not equals or not key.strip():
         problems.add(source.name, "write KEY=VALUE, such as contour.degree=2")
         return Node({}, source)

@@ -8,7 +8,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.contour import Found, contour, tried
+from ffseg.contour import ContourResult, contour, trial_result
 from ffseg.enlargement import before_enlargement, enlarged
 from ffseg.errors import ParameterError
 from ffseg.geometry.freeform import FreeForm
@@ -19,12 +19,12 @@ from ffseg.image.edges import EdgeMap, require_edges
 from ffseg.image.free import distances
 from ffseg.image.raster import rasterize
 from ffseg.image.selection import is_shown, selected
-from ffseg.judge import judged
+from ffseg.judge import judge_region
 from ffseg.native import _core
 from ffseg.plugins import EDGE_SOURCES, find, method
 from ffseg.result import Segmentation, Timings
 from ffseg.scene import Scene, check_sides
-from ffseg.starts.initial import check_background, start_contours, within
+from ffseg.starts.initial import box_domain, check_background, start_contours
 from ffseg.starts.moved import as_circle
 
 SETTLED = 2
@@ -55,16 +55,16 @@ def segment(scene: Scene) -> Segmentation:
     known = perf_counter()
     found = contour_of(scene)  # what the method finds
     contours, mask = region(found)  # curves and pixels of the same region
-    told = left_out(scene, found, mask)  # what of the starts it lacks
+    lost = left_out(scene, found, mask)  # what of the starts it lacks
     contours, mask = selected(contours, mask, scene.params.region)  # which parts and holes are kept
     end = perf_counter()
-    score, doubts = judged(scene, found, contours, mask)  # how sure it is, and why not
+    score, doubts = judge_region(scene, found, contours, mask)  # how sure it is, and why not
     if scene.factor > 1:
         contours = enlarged(contours, scene.factor)  # and back to the size it has
         mask = rasterize(contours, shape)
     timings = _timings(scene, found, known - begin, end - begin)
     thresholds = found.scene.edges.thresholds
-    messages = (*told, *fallback_messages(scene), *found.messages, *(one.message for one in doubts if one.message))
+    messages = (*lost, *fallback_messages(scene), *found.messages, *(one.message for one in doubts if one.message))
     names, source = tuple(doubt.name for doubt in doubts), decided_by(scene)
     return Segmentation(mask, contours, found.outcome.stats, timings, messages, source, score, thresholds, names)
 
@@ -86,9 +86,9 @@ def with_method(scene: Scene) -> Scene:
     row.loaded()
     params, options = scene.params, scene.options
     if row.module and options is None:
-        from ffseg.methods.peers import configured
+        from ffseg.methods.peers import method_parameters
 
-        params, options = configured(params, row.name)
+        params, options = method_parameters(params, row.name)
     elif row is scene.method:
         return scene
     return replace(scene, method=row, params=params, options=options)
@@ -112,7 +112,7 @@ def with_domain(scene: Scene) -> Scene:
     The disc counts only where every start lies in it.
     """
     if scene.boxes:
-        held = within(scene.boxes, scene.shape)
+        held = box_domain(scene.boxes, scene.shape)
         return replace(scene, domain=held if scene.domain is None else np.where(held > 0, scene.domain, np.uint8(0)))
     if scene.params.domain.disc == "off" or scene.domain is not None or scene.edges_given:
         return scene
@@ -156,13 +156,13 @@ def source_of(scene: Scene) -> str:
     return stands_for or ("box" if scene.boxes and edges.canny == "auto" else "auto")
 
 
-def contour_of(scene: Scene) -> Found:
+def contour_of(scene: Scene) -> ContourResult:
     """The contour of a scene; one that its evidence has asked for already is not asked for again."""
-    trial = None if scene.edges_given else tried(scene.edges)
+    trial = None if scene.edges_given else trial_result(scene.edges)
     return contour(scene) if trial is None or scene.callback is not None else trial
 
 
-def region(found: Found) -> tuple[tuple[FreeForm, ...], NDArray[np.bool_]]:
+def region(found: ContourResult) -> tuple[tuple[FreeForm, ...], NDArray[np.bool_]]:
     """Contours and mask; of a mask alone, and of what closes in from outside the domain, cut to it, outlines are traced."""
     outcome, scene = found.outcome, found.scene
     mask = outcome.mask
@@ -191,8 +191,8 @@ def outlines_of(mask: NDArray[np.bool_]) -> tuple[FreeForm, ...]:
 
 def decided_by(scene: Scene) -> str:
     """Name of the evidence source that decided."""
-    asked = source_of(scene) if not scene.edges_given else "given"
-    return scene.edges.source or asked if asked in EDGE_SOURCES else asked
+    source = source_of(scene) if not scene.edges_given else "given"
+    return scene.edges.source or source if source in EDGE_SOURCES else source
 
 
 def fallback_messages(scene: Scene) -> tuple[str, ...]:
@@ -209,18 +209,18 @@ def fallback_messages(scene: Scene) -> tuple[str, ...]:
     return (f"{who} nowhere crosses {level}: the image's own edges decide",)
 
 
-def left_out(scene: Scene, found: Found, mask: NDArray[np.bool_]) -> tuple[str, ...]:
+def left_out(scene: Scene, found: ContourResult, mask: NDArray[np.bool_]) -> tuple[str, ...]:
     """What to say of a start mask that lies in the domain for a part, and of starts that the method's region has lost."""
-    told: list[str] = []
+    messages: list[str] = []
     if scene.start_mask is not None and scene.domain is not None:
         inside = scene.domain[scene.start_mask > 0] > 0
         if inside.any() and not inside.all():
-            told.append("what the start mask has outside the domain was left out")
+            messages.append("what the start mask has outside the domain was left out")
     if scene.params.contour.balloon > 0:
         starts = (one for one in found.scene.starts if one.signed_area > 0)
         lost = (one for one in starts if not (_has_middle(one, mask) or is_shown(one, mask)))
-        told += (f"the start at {as_circle(one).enlarged(scene.factor)} is not in the region" for one in lost)
-    return tuple(told)
+        messages += (f"the start at {as_circle(one).enlarged(scene.factor)} is not in the region" for one in lost)
+    return tuple(messages)
 
 
 def _has_middle(start: FreeForm, mask: NDArray[np.bool_]) -> bool:
@@ -230,10 +230,10 @@ def _has_middle(start: FreeForm, mask: NDArray[np.bool_]) -> bool:
     return bool(mask[row, column])
 
 
-def _timings(scene: Scene, found: Found, edges_s: float, total_s: float) -> Timings:
+def _timings(scene: Scene, found: ContourResult, edges_s: float, total_s: float) -> Timings:
     """Milliseconds of the steps; a trial contour that counts was no part of the edge map."""
     evolve_ms, edges_ms, total_ms = found.evolve_ms, edges_s * 1e3, total_s * 1e3
-    if found is tried(scene.edges):
+    if found is trial_result(scene.edges):
         edges_ms -= evolve_ms
     if scene.method is None or scene.method.uses_edges:
         return Timings(edges_ms, evolve_ms, total_ms)

@@ -246,13 +246,13 @@ def _require_shape(kind: str, name: str, function: Callable[..., Any]) -> None:
     """Refuse a function of somebody's that cannot be called as its kind is; of some built into Python that cannot be told."""
     from inspect import signature
 
-    wanted = _ARGUMENTS[kind]
+    arguments = _ARGUMENTS[kind]
     try:
-        signature(function).bind(*wanted)
+        signature(function).bind(*arguments)
     except ValueError:
         return
     except TypeError as error:
-        what = f"{name} cannot be called as {name.rpartition(':')[2]}({', '.join(wanted)}): {error}"
+        what = f"{name} cannot be called as {name.rpartition(':')[2]}({', '.join(arguments)}): {error}"
         raise ParameterError(f"{_ASKED_BY[kind]}: {what}; name one as docs/extending.md shows") from error
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.geometry.freeform import FreeForm
-from ffseg.image.selection import counted
+from ffseg.image.selection import count_regions
 from ffseg.io.saving import Savable
 from ffseg.scene import Stats
 
@@ -74,9 +74,9 @@ class Segmentation(Savable):
     @property
     def num_regions(self) -> int:
         """Regions that the mask shows: pixels that hang together over their sides."""
-        return counted(self.mask)[0]
+        return count_regions(self.mask)[0]
 
     @property
     def num_holes(self) -> int:
         """Holes that the mask shows: pixels outside that hang together over sides or corners, and not with the border."""
-        return counted(self.mask)[1]
+        return count_regions(self.mask)[1]

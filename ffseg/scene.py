@@ -92,8 +92,8 @@ class Outcome:
 
     def __post_init__(self) -> None:
         found: object = self.contours
-        told = isinstance(found, Sequence) and all(isinstance(one, FreeForm) for one in found)
-        if not (told or (found is None and self.mask is not None)):
+        are_contours = isinstance(found, Sequence) and all(isinstance(one, FreeForm) for one in found)
+        if not (are_contours or (found is None and self.mask is not None)):
             raise ParameterError(
                 "the contours of an ffseg.Outcome are no tuple of ffseg.FreeForm; give those, or a mask"
             )
@@ -195,7 +195,7 @@ class Scene:
 
     @property
     def shuts_passages(self) -> bool:
-        """Whether what is too narrow counts as closed: there the contour ends in open ground."""
+        """Whether what is too narrow counts as closed: there the contour ends in the open."""
         return self.params.contour.clearance > 0 or self.footprint is not None
 
     @property

@@ -17,7 +17,7 @@ from ffseg.batch.plan.jobs import Plan, make_plan
 from ffseg.batch.plan.sources import Job
 from ffseg.batch.record.ledger import Summary
 from ffseg.batch.runner import Run
-from ffseg.batch.shards.assign import only, read_shard
+from ffseg.batch.shards.assign import read_shard, shard_plan
 from ffseg.batch.workers.messages import Setup
 from ffseg.parameters import Parameters, load_params
 from tests.masks import write_image
@@ -92,7 +92,7 @@ def run_shard(
     executor: str = "inprocess", **options: object,
 ) -> None:  # fmt: skip
     """Run the stand-in over a part of a folder."""
-    plan = only(make_plan([str(folder)], str(out), products=products), read_shard(shard))
+    plan = shard_plan(make_plan([str(folder)], str(out), products=products), read_shard(shard))
     setup = Setup(params=params or load_params(), segmenter=stand_in.NAME, products=products)
     run_plan(plan, setup, executor=executor, **options)
 

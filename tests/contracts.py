@@ -10,18 +10,18 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import get_args
 
-from ffseg.batch.cameras import Found
+from ffseg.batch.cameras import OwnImage
 from ffseg.batch.outputs.table import MAP_FILES, OBSTACLES, OUTPUTS, PARQUET, RUN, TIMINGS
 from ffseg.batch.record import tables
 from ffseg.bench import report
-from ffseg.bench.session import Outcome
+from ffseg.bench.session import Measurements
 from ffseg.camera.calibration import CameraFile
 from ffseg.cli.reporting import DOUBTS
 from ffseg.compare import values
 from ffseg.freespace.structural import Verdict
 from ffseg.io.images import REASONS
-from ffseg.learning.learn import Figures
-from ffseg.learning.tune import Tuned
+from ffseg.learning.learn import CrossValidation
+from ffseg.learning.tune import TuningResult
 from ffseg.plugins import EDGE_SOURCES
 from ffseg.schema.sections import leaves
 
@@ -97,10 +97,10 @@ def lists(folder: Path) -> list[tuple[str, Sequence[str]]]:
         ("`run --dry-run --json`", planned),
         ("`merge --json`", merged),
         ("`compare --json`", [*(key for key in compared if "[]" not in key), "rows[].COLUMN"]),
-        ("`domain --json`", ["out", *(f"masks[].{one.name}" for one in fields(Found))]),
-        ("`learn --json`", ["out", *(one.name for one in fields(Figures))]),
-        ("`tune --json`", ["out", *(one.name for one in fields(Tuned))]),
-        ("`bench --json`, `bench.json`", list(json.loads(report.to_json(Outcome(True, "", {}, {}))))),
+        ("`domain --json`", ["out", *(f"masks[].{one.name}" for one in fields(OwnImage))]),
+        ("`learn --json`", ["out", *(one.name for one in fields(CrossValidation))]),
+        ("`tune --json`", ["out", *(one.name for one in fields(TuningResult))]),
+        ("`bench --json`, `bench.json`", list(json.loads(report.to_json(Measurements(True, "", {}, {}))))),
         ("camera file", list(leaves(CameraFile))),
         ("cell `source`", list(EDGE_SOURCES)),
         ("cell `stop_reason`", stops()),

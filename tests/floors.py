@@ -7,7 +7,7 @@ import numpy as np
 
 from ffseg.rendering.pairs import WIDEST_TURN, PlanarPose, RenderedPair, RenderedSequence, random_poses, sample_camera
 from ffseg.rendering.raycast import render
-from ffseg.rendering.scene import Floor, MarkKind, Scene, random_scene
+from ffseg.rendering.scene import Floor, MarkKind, World, random_scene
 
 FloorKind = Literal["plain", "glossy", "shadows", "nodding", "turning", "discs", "touching", "alike"]
 FLOOR_KINDS: tuple[FloorKind, ...] = get_args(FloorKind)
@@ -60,12 +60,12 @@ def _path(random: np.random.Generator, num_views: int) -> list[PlanarPose]:
     return [(float(x), float(y), float(heading)) for (x, y), heading in zip(places, headings, strict=True)]
 
 
-def _scene(seed: int, kind: FloorKind, clear_of: np.ndarray, random: np.random.Generator) -> Scene:
+def _scene(seed: int, kind: FloorKind, clear_of: np.ndarray, random: np.random.Generator) -> World:
     own: dict[FloorKind, MarkKind] = {"discs": "discs", "touching": "touching"}
     return random_scene(int(random.integers(1 << 30)) ^ seed, 0.9, clear_of, own.get(kind, "mixed"))
 
 
-def _alike(scene: Scene, random: np.random.Generator) -> Scene:
+def _alike(scene: World, random: np.random.Generator) -> World:
     """The scene with things that have the floor's grey in places."""
     shading = float(random.uniform(30, 60)), float(random.uniform(1.5, 3.0))
     boxes = tuple(

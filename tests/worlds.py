@@ -4,7 +4,7 @@ import numpy as np
 import shapely
 from shapely import affinity
 
-from ffseg.rendering.scene import Box, Scene
+from ffseg.rendering.scene import Box, World
 
 FAR = 50.0
 
@@ -16,7 +16,7 @@ def footprint(box: Box) -> shapely.Polygon:
     )
 
 
-def free_ground(scene: Scene) -> shapely.Polygon:
+def free_ground(scene: World) -> shapely.Polygon:
     """The room's floor without what stands on it, in the world's frame."""
     x, y = scene.room.half
     floor = affinity.rotate(shapely.box(-x, -y, x, y), scene.room.angle, origin=(0, 0), use_radians=True)

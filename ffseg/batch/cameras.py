@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.batch.plan.sources import Source
+from ffseg.batch.plan.sources import InputImage
 from ffseg.batch.workers.pictures import read_source
 from ffseg.errors import ImageReadError, SegmentationError, UsageError
 from ffseg.image.own import own_image
@@ -20,16 +20,16 @@ MASK = ".png"
 
 
 @dataclass(frozen=True, slots=True)
-class Camera:
+class CameraImages:
     """Images of one camera, and the mask to be written of them."""
 
     out: str
-    images: tuple[Source, ...]
+    images: tuple[InputImage, ...]
     """In the order of the inputs."""
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class OwnImage:
     """What was found in a camera's images."""
 
     out: str
@@ -48,7 +48,7 @@ def names_a_mask(out: str) -> bool:
     return out.lower().endswith(MASK)
 
 
-def cameras(sources: Sequence[Source], out: str) -> list[Camera]:
+def cameras(sources: Sequence[InputImage], out: str) -> list[CameraImages]:
     """Images sorted by camera: all are of one if `out` names a PNG file, else those of a folder, named after it.
 
     Raises
@@ -57,20 +57,20 @@ def cameras(sources: Sequence[Source], out: str) -> list[Camera]:
         If `out` is a folder and an image lies in none, so that no mask could be named after it.
     """
     if names_a_mask(out):
-        return [Camera(out, tuple(sources))]
-    folders: dict[str, list[Source]] = {}
+        return [CameraImages(out, tuple(sources))]
+    folders: dict[str, list[InputImage]] = {}
     for source in sources:
         folder = os.path.dirname(source.name)
         if not folder:
             raise UsageError(
-                f"{printable(source.told)} lies in no folder below the input, and masks in {printable(out)} are named "
+                f"{printable(source.display_path)} lies in no folder below the input, and masks in {printable(out)} are named "
                 f"after folders; for one mask of all images name a file: --out {printable(out.rstrip('/'))}{MASK}"
             )
         folders.setdefault(folder, []).append(source)
-    return [Camera(os.path.join(out, folder) + MASK, tuple(images)) for folder, images in folders.items()]
+    return [CameraImages(os.path.join(out, folder) + MASK, tuple(images)) for folder, images in folders.items()]
 
 
-def write_own_image(camera: Camera, most: int) -> Found:
+def write_own_image(camera: CameraImages, most: int) -> OwnImage:
     """Look at up to `most` evenly spaced images of a camera, and write a mask that is 0 on its own image."""
     images, unread = len(camera.images), list[str]()
     places = np.rint(np.linspace(0, images - 1, min(most, images))).astype(int)
@@ -78,13 +78,13 @@ def write_own_image(camera: Camera, most: int) -> Found:
         own = own_image(_read([camera.images[place] for place in places], unread))
     except SegmentationError as error:
         problems = (*unread, f"no mask {printable(camera.out)}: {error}")
-        return Found("", images, len(places) - len(unread), 0.0, problems)
+        return OwnImage("", images, len(places) - len(unread), 0.0, problems)
     make_folder(os.path.dirname(camera.out) or ".")
     write_bytes_atomic(camera.out, encode_mask(~own))
-    return Found(camera.out, images, len(places) - len(unread), float(own.mean()), tuple(unread))
+    return OwnImage(camera.out, images, len(places) - len(unread), float(own.mean()), tuple(unread))
 
 
-def _read(sources: Sequence[Source], unread: list[str]) -> Iterator[NDArray[np.uint8]]:
+def _read(sources: Sequence[InputImage], unread: list[str]) -> Iterator[NDArray[np.uint8]]:
     """The images that can be read, of one size; what is wrong with others is added to `unread`."""
     shape: tuple[int, ...] | None = None
     for source in sources:
@@ -95,7 +95,7 @@ def _read(sources: Sequence[Source], unread: list[str]) -> Iterator[NDArray[np.u
             continue
         if image.shape[:2] != (shape or image.shape[:2]):
             raise SegmentationError(
-                f"{printable(source.told)} has another size than the images before it; take those of one camera, or "
+                f"{printable(source.display_path)} has another size than the images before it; take those of one camera, or "
                 "sort them into a folder each and name a folder with --out"
             )
         shape = image.shape[:2]

@@ -14,7 +14,7 @@ from ffseg.batch.outputs.table import GROUND, MAP_BAG, MAP_FILES, MASK, SCAN_JSO
 from ffseg.batch.record.tables import in_time
 from ffseg.batch.tar.members import output_bytes
 from ffseg.batch.values import Record
-from ffseg.batch.views import Views
+from ffseg.batch.views import CameraSetup
 from ffseg.camera.motion import Pose
 from ffseg.errors import CalibrationError, ImageReadError
 from ffseg.freespace.leans import Lean
@@ -67,7 +67,7 @@ class Drive:
             "lost": [{"image": name, "reason": reason} for name, reason in named],
         }
 
-    def take(self, record: Record, out: str, views: Views) -> None:
+    def take(self, record: Record, out: str, views: CameraSetup) -> None:
         """Fuse one frame, or note why not."""
         name, pose = printable(record.name), views.poses.get(record.name)
         try:
@@ -75,11 +75,11 @@ class Drive:
             if record.name in views.stamps:
                 self.scans[views.stamps[record.name]] = json.loads(_stored(record, out, SCAN_JSON))
         except (ImageReadError, KeyError, TypeError, ValueError) as error:
-            told = f"what is stored of it cannot be read ({type(error).__name__}: {error})"
+            reason = f"what is stored of it cannot be read ({type(error).__name__}: {error})"
             if not any(path.startswith(f"{GROUND.folder}/") for path in record.outputs):
-                told = "it was made without --map; run it again with it"
+                reason = "it was made without --map; run it again with it"
             self.settle()
-            self._lose(name, f"it failed: {record.row['error']}" if record.status == "failed" else told)
+            self._lose(name, f"it failed: {record.row['error']}" if record.status == "failed" else reason)
             return
         self.settle(wrong=seen.contradicted)
         if pose is not None and seen.contradicted:
@@ -129,7 +129,7 @@ class Drive:
         return written
 
 
-def drive_of(records: Iterable[Record], out: str, views: Views) -> Drive:
+def drive_of(records: Iterable[Record], out: str, views: CameraSetup) -> Drive:
     """Fuse the frames of a run in the order in which they were driven.
 
     Parameters
@@ -138,7 +138,7 @@ def drive_of(records: Iterable[Record], out: str, views: Views) -> Drive:
         All that stand.
     out : str
         Where their masks and grounds are.
-    views : Views
+    views : CameraSetup
         Whose poses place them; a frame without a pose is placed by its motion since one that has a place.
     """
     known = {record.name: record for record in records}
@@ -156,7 +156,7 @@ def _stored(record: Record, out: str, kind: Output) -> bytes:
     return output_bytes(out, path, record.members.get(path))
 
 
-def _sighting(record: Record, out: str, views: Views) -> Sighting:
+def _sighting(record: Record, out: str, views: CameraSetup) -> Sighting:
     """What the stored outputs of a frame say.
 
     Raises
@@ -165,14 +165,14 @@ def _sighting(record: Record, out: str, views: Views) -> Sighting:
         When they are gone, or say nothing of how the camera stood.
     """
     mask, ground = (_stored(record, out, kind) for kind in (MASK, GROUND))
-    stood: Mapping[str, Any] = json.loads(ground)["camera"]
+    state: Mapping[str, Any] = json.loads(ground)["camera"]
     links = tuple(
         Link(str(one), (float(x), float(y), float(turn)), (float(nod_x), float(nod_y)))
-        for one, x, y, turn, nod_x, nod_y in stood["moved"]
+        for one, x, y, turn, nod_x, nod_y in state["moved"]
     )
-    sigma_m, sigma_rad = map(float, stood["sigmas"])
-    lean = None if stood["lean"] is None else Lean(*map(float, stood["lean"]))
+    sigma_m, sigma_rad = map(float, state["sigmas"])
+    lean = None if state["lean"] is None else Lean(*map(float, state["lean"]))
     inside, domain = views.camera.domain(), None
-    if "left_out" in stood:
-        domain = inside & ~from_run_lengths(stood["left_out"], inside.shape)
-    return Sighting(decode_mask(mask), views.camera, links, (sigma_m, sigma_rad), lean, domain, "contradicted" in stood)
+    if "left_out" in state:
+        domain = inside & ~from_run_lengths(state["left_out"], inside.shape)
+    return Sighting(decode_mask(mask), views.camera, links, (sigma_m, sigma_rad), lean, domain, "contradicted" in state)

@@ -76,13 +76,13 @@ class Ending:
             self.keeper.state if plan.shard else plan.out,
             found,
             camera=self.setup.views is not None,
-            asked=frozenset(self._asked()),
+            asked=frozenset(self._requested()),
             parquet=self.options.parquet,
             kinds=kinds,
             films=plan.products.films,
         )
 
-    def _asked(self) -> set[str]:
+    def _requested(self) -> set[str]:
         """Columns and folders of outputs that were asked for."""
         plan = self.keeper.plan
         asked = {kind.folder for kind in plan.products.kinds if kind.merge}
@@ -158,6 +158,6 @@ class Ending:
             "shard": plan.shard,
             "whole": plan.whole,
             "names": plan.names,
-            "asked": sorted(self._asked()),
+            "asked": sorted(self._requested()),
             "motion": digest(views.motion_text().encode()) if views else "",
         }

@@ -11,7 +11,7 @@ from time import perf_counter
 from typing import Any
 
 from ffseg.batch.ending import Ending
-from ffseg.batch.executors.base import Assignment, Do, Executor, Options, served
+from ffseg.batch.executors.base import Assignment, Do, Executor, Options, serve
 from ffseg.batch.executors.chunks import left_over, remove_chunks
 from ffseg.batch.outputs.table import RUN
 from ffseg.batch.plan.jobs import Plan, prepare_output, sweep
@@ -19,7 +19,7 @@ from ffseg.batch.plan.sources import Job
 from ffseg.batch.record.foreign import UNFINISHED, joint_files, refuse_foreign
 from ffseg.batch.record.header import refuse_mixing, run_header
 from ffseg.batch.record.journal import state_folder
-from ffseg.batch.record.keeper import Keeper, kept
+from ffseg.batch.record.keeper import Keeper, open_keeper
 from ffseg.batch.record.ledger import Ledger, Observer, Stop, Summary
 from ffseg.batch.record.lock import OutputLock
 from ffseg.batch.record.ordered import moved_records
@@ -77,7 +77,7 @@ class Run:
         prepare_output(plan, state)
         sweep(plan, state)
         joint = joint_files(plan, setup, options)
-        self._keeper = kept(plan, header, setup.params.method, self._ledger.problem, joint)
+        self._keeper = open_keeper(plan, header, setup.params.method, self._ledger.problem, joint)
         self._held.enter_context(contextlib.closing(self._keeper))
         write_bytes_atomic(os.path.join(state, UNFINISHED), b"")
         self._resume()
@@ -118,22 +118,22 @@ class Run:
     def _feed(self, executor: Executor, tasks: Iterator[Task]) -> None:
         """Write one reply of each worker together: the disk is waited for less. What has come is written in any case."""
         held: list[Reply] = []
-        came = 0
+        arrived = 0
         try:
-            for event in served(executor, tasks, lambda: not self._stop.signal, lambda: _TOGETHER_MS if held else None):
+            for event in serve(executor, tasks, lambda: not self._stop.signal, lambda: _TOGETHER_MS if held else None):
                 if event is None:
-                    if len(held) >= self._options.num_workers or not came:
+                    if len(held) >= self._options.num_workers or not arrived:
                         together = held.copy()
                         held.clear()
                         self._take(together)
-                    came = 0
+                    arrived = 0
                 elif isinstance(event, Note):
                     self._ledger.note(event.text)
                 elif isinstance(event, Ready):
                     self._ledger.versions = event.versions
                 else:
                     held.append(event)
-                    came += 1
+                    arrived += 1
         finally:
             self._take(held)
 

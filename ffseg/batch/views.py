@@ -20,7 +20,7 @@ WINDOW = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Views:
+class CameraSetup:
     """Camera, poses and pairs of a run; plain values that a worker can be sent."""
 
     camera: Camera
@@ -76,7 +76,7 @@ def _plain(value: object) -> object:
 
 def load_views(
     camera: str, poses: str | None, pairs: str | None, names: Sequence[str], footprint: float | None = None
-) -> Views:
+) -> CameraSetup:
     """Read the files of a run over images.
 
     Parameters
@@ -98,10 +98,10 @@ def load_views(
     loaded = load_mounted_camera(camera)
     loaded = loaded if footprint is None else replace(loaded, footprint=footprint)
     before = dict(load_pairs(pairs, names)) if pairs else neighbours(names)
-    return Views(loaded, dict(load_poses(poses, names, loaded)) if poses else {}, before)
+    return CameraSetup(loaded, dict(load_poses(poses, names, loaded)) if poses else {}, before)
 
 
-def with_bag(views: Views, bag: str, topic: str, stamps: Mapping[str, int]) -> Views:
+def with_bag(views: CameraSetup, bag: str, topic: str, stamps: Mapping[str, int]) -> CameraSetup:
     """The views with the times of a bag's images, and with their poses by one of its topics, where a bag is named.
 
     Raises

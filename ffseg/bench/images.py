@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ffseg.batch.workers.pictures import read_truth
 from ffseg.bench.drawing import LONG, draw
-from ffseg.bench.measure import Fact, Group, Order, Skipped, Task, timed
+from ffseg.bench.measure import Fact, Schedule, Skipped, Task, TaskGroup, timed
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.edges import edge_map
@@ -23,7 +23,7 @@ from ffseg.image.keypoints import grey_image
 from ffseg.io.files import printable
 from ffseg.io.images import read_image
 from ffseg.methods.freeform import native_options
-from ffseg.methods.peers import configured
+from ffseg.methods.peers import method_parameters
 from ffseg.metrics import iou
 from ffseg.native import _core
 from ffseg.parameters import Parameters, load_params
@@ -62,20 +62,20 @@ class Picture:
     params: Parameters
 
 
-def scenes(order: Order, _: Path) -> Iterator[Group]:
+def scenes(order: Schedule, _: Path) -> Iterator[TaskGroup]:
     """Edge map, evolution and the whole segmentation of the user's images, or of samples and drawn scenes."""
     for picture in _pictures(order):
         yield _segmented("scenes", picture, "freeform", picture.name)
 
 
-def method(order: Order, _: Path) -> Iterator[Group]:
+def method(order: Schedule, _: Path) -> Iterator[TaskGroup]:
     """Every method that is asked for on a simple and a complex image."""
     for picture in _own(order):
         for name in order.methods if picture.name in ("simple", "complex", "small") else ():
             yield _segmented("method", picture, name, f"{picture.name} by {name}")
 
 
-def size(order: Order, _: Path) -> Iterator[Group]:
+def size(order: Schedule, _: Path) -> Iterator[TaskGroup]:
     """The same scene from 400x300 to 6400x4800 pixels; what is measured grows with the pixels."""
     for width in QUICK_WIDTHS if order.quick else WIDTHS:
         picture = _drawn(1, width)
@@ -83,7 +83,7 @@ def size(order: Order, _: Path) -> Iterator[Group]:
         yield _segmented("size", picture, "freeform", name, x=picture.image.size)
 
 
-def peers(order: Order, _: Path) -> Iterator[Group | Skipped]:
+def peers(order: Schedule, _: Path) -> Iterator[TaskGroup | Skipped]:
     """The whole segmentation by the free form and by a peer, in turns, on the user's images or the samples."""
     for picture in _pictures(order):
         for name in () if picture.name.startswith("drawn") else BESIDE:
@@ -95,8 +95,8 @@ def peers(order: Order, _: Path) -> Iterator[Group | Skipped]:
                 )
 
 
-def _beside(picture: Picture, name: str) -> Group:
-    theirs, section = configured(picture.params, name)
+def _beside(picture: Picture, name: str) -> TaskGroup:
+    theirs, section = method_parameters(picture.params, name)
     own, other = Scene(picture.image, picture.params), Scene(picture.image, theirs, row_of(name), options=section)
     cases = f"{picture.name}, freeform beside {name}", f"{picture.name}, {name}"
     facts: dict[str, Fact] = {"size": f"{picture.image.shape[1]}x{picture.image.shape[0]}"}
@@ -104,14 +104,14 @@ def _beside(picture: Picture, name: str) -> Group:
         facts |= {"iou": _score(segment(own).mask, picture), "peer iou": _score(segment(other).mask, picture)}
     tasks = [Task(case, "segment", timed(partial(segment, one))) for case, one in zip(cases, (own, other), strict=True)]
     ratio = (f"{picture.name}: freeform over {name}", *cases)
-    return Group("peers", f"{picture.name}, {name}", grey_image(picture.image), tasks, facts, [ratio])
+    return TaskGroup("peers", f"{picture.name}, {name}", grey_image(picture.image), tasks, facts, [ratio])
 
 
 def _score(mask: NDArray[np.bool_], picture: Picture) -> float:
     return round(iou(mask, picture.truth), 5) if picture.truth is not None else float("nan")
 
 
-def _segmented(suite: str, picture: Picture, method_name: str, case: str, x: float = 0.0) -> Group:
+def _segmented(suite: str, picture: Picture, method_name: str, case: str, x: float = 0.0) -> TaskGroup:
     """Tasks for the three stages of a segmentation, and what it found."""
     image, params, row = picture.image, picture.params, row_of(method_name)
     edges, shape = edge_map(image, params.edges), (image.shape[0], image.shape[1])
@@ -130,18 +130,18 @@ def _segmented(suite: str, picture: Picture, method_name: str, case: str, x: flo
     facts |= {"flips": stats.flips, "holes": result.num_holes, "stopped": stats.stop_reason}
     if picture.truth is not None:
         facts["iou"] = _score(result.mask, picture)
-    return Group(
+    return TaskGroup(
         suite, case, grey_image(image), [Task(case, name, timed(work), x) for name, work in works.items()], facts
     )
 
 
-def check(order: Order) -> None:
+def check(order: Schedule) -> None:
     """Read the images once, before anything is measured.
 
     Raises
     ------
     UsageError
-        As `listed`, or if an image or its truth cannot be used.
+        As `image_files`, or if an image or its truth cannot be used.
     """
     try:
         deque(_pictures(order), maxlen=0)
@@ -149,18 +149,18 @@ def check(order: Order) -> None:
         raise UsageError(f"--images: {error}") from error
 
 
-def _pictures(order: Order) -> Iterator[Picture]:
+def _pictures(order: Schedule) -> Iterator[Picture]:
     if order.images is None:
         yield from _own(order)
         return
-    for path in listed(order.images):
+    for path in image_files(order.images):
         image, name = read_image(path), f"{path.stem}.png"
         places = (path.with_name(f"{path.stem}_truth.png"), path.parent / "truth" / name)
         truths = (read_truth(str(place), (image.shape[0], image.shape[1])) for place in places if place.is_file())
         yield Picture(printable(path.stem), image, next(truths, None), Parameters())
 
 
-def _own(order: Order) -> Iterator[Picture]:
+def _own(order: Schedule) -> Iterator[Picture]:
     """The project's samples and some drawn scenes."""
     if order.quick:
         yield _drawn(1, 160, "small")
@@ -178,7 +178,7 @@ def _drawn(seed: int, width: int, name: str = "scene") -> Picture:
     return Picture(name, drawing.image, None, params)
 
 
-def listed(folder: Path) -> list[Path]:
+def image_files(folder: Path) -> list[Path]:
     """Image files of a folder but for their truths, ``NAME_truth.png``.
 
     Raises
@@ -199,12 +199,12 @@ def listed(folder: Path) -> list[Path]:
     return paths
 
 
-def patches(order: Order, _: Path) -> Iterator[Group]:
+def patches(order: Schedule, _: Path) -> Iterator[TaskGroup]:
     """Time of one iteration, for each number of patches."""
     grey = draw(1).image
     for count in QUICK_COUNTS if order.quick else COUNTS:
         tasks = [_iterations(case, count) for case in CASES]
-        yield Group("patches", f"N = {count}", grey, tasks, {"circles": count // PATCHES})
+        yield TaskGroup("patches", f"N = {count}", grey, tasks, {"circles": count // PATCHES})
 
 
 def _iterations(case: str, count: int) -> Task:

@@ -24,7 +24,7 @@ BLOCK = 5
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
+class Schedule:
     """What to run, on what, and how long: all tasks of a group `rounds` times, fewer once `budget_s` is spent, but once.
 
     No suites stand for all of them.
@@ -63,7 +63,7 @@ class Task:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Group:
+class TaskGroup:
     """Tasks measured in turns with K on the image `grey`, `most` rounds of them where fewer than ordered are enough.
 
     Comparisons are a title and the two cases whose medians are divided.
@@ -150,7 +150,7 @@ class Figure:
         return replace(self, **{name: getattr(self, name) + getattr(other, name) for name in samples})
 
 
-def measure(group: Group, rounds: int, budget_s: float) -> list[Figure]:
+def measure(group: TaskGroup, rounds: int, budget_s: float) -> list[Figure]:
     """Measure the tasks of a group in turns, K before each of them; the first round warms up and does not count."""
     kernel = timed(lambda: reference_kernel(group.grey))
     taken: list[list[tuple[Sample, Sample]]] = []
@@ -177,7 +177,7 @@ def _round(tasks: Sequence[Task], kernel: Timer) -> list[tuple[Sample, Sample]]:
 
 
 @dataclass(frozen=True, slots=True)
-class Compared:
+class Ratio:
     """One case in units of another: medians divided, of what is reported and of the robust samples."""
 
     suite: str
@@ -186,11 +186,11 @@ class Compared:
     robust_ratio: float
 
 
-def compared(group: Group, figures: Sequence[Figure]) -> list[Compared]:
+def ratios(group: TaskGroup, figures: Sequence[Figure]) -> list[Ratio]:
     """The comparisons of a group from its figures."""
     of = {figure.case: (figure.median, figure.robust_median) for figure in figures}
     pairs = ((title, of[case], of[over]) for title, case, over in group.comparisons)
-    return [Compared(group.suite, title, own[0] / other[0], own[1] / other[1]) for title, own, other in pairs]
+    return [Ratio(group.suite, title, own[0] / other[0], own[1] / other[1]) for title, own, other in pairs]
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ import numpy as np
 from ffseg.batch.workers.launch import cores
 from ffseg.bench.drawing import draw
 from ffseg.bench.images import QUICK_WIDTHS, WIDTHS
-from ffseg.bench.measure import Group, Order, Sample, Skipped, Task, Timer
+from ffseg.bench.measure import Sample, Schedule, Skipped, Task, TaskGroup, Timer
 from ffseg.errors import FfsegError
 from ffseg.io.masks import encode_png
 
@@ -44,7 +44,7 @@ RUN, HERE = ("-m", "ffseg", "run"), ("-m", "ffseg.bench.programs")
 Command = Callable[[], Sequence[str]]
 
 
-def startup(order: Order, work: Path) -> Iterator[Group]:
+def startup(order: Schedule, work: Path) -> Iterator[TaskGroup]:
     """Start of the command line beside an empty Typer program and the imports any such program has."""
     empty, image = work / "empty.py", work / "one" / "0000.png"
     empty.write_text(EMPTY_PROGRAM, encoding="utf-8")
@@ -62,10 +62,10 @@ def startup(order: Order, work: Path) -> Iterator[Group]:
         ("--help over the empty program", "--help", "empty Typer program"),
         ("run of one image over the imports", "run, one image", IMPORTS),
     ]
-    yield Group("startup", "commands", draw(1).image, tasks, {}, comparisons)
+    yield TaskGroup("startup", "commands", draw(1).image, tasks, {}, comparisons)
 
 
-def batch(order: Order, work: Path) -> Iterator[Group]:
+def batch(order: Schedule, work: Path) -> Iterator[TaskGroup]:
     """Milliseconds an image of ``ffseg run`` with durable writes, beside the bare pipeline."""
     images, folders = work / "images", _fresh_folders(work)
     count = QUICK_IMAGES if order.quick else NUM_IMAGES
@@ -77,10 +77,10 @@ def batch(order: Order, work: Path) -> Iterator[Group]:
         tasks.append(Task(f"jobs, {jobs}", "image", timer, x=jobs))
         if jobs > 1:
             comparisons.append((f"rate of --jobs {jobs} in rates of --jobs 1", "jobs, 1", f"jobs, {jobs}"))
-    yield Group("batch", "images", draw(1).image, tasks, {"images": count, "cores": cores()}, comparisons, FEW)
+    yield TaskGroup("batch", "images", draw(1).image, tasks, {"images": count, "cores": cores()}, comparisons, FEW)
 
 
-def memory(order: Order, work: Path) -> Iterator[Group | Skipped]:
+def memory(order: Schedule, work: Path) -> Iterator[TaskGroup | Skipped]:
     """Peak memory of a run of one image of growing size, and of batches of growing length."""
     if find_spec("resource") is None:
         yield Skipped("memory", "all", "this system does not count peak memory")
@@ -96,10 +96,10 @@ def memory(order: Order, work: Path) -> Iterator[Group | Skipped]:
         batches.append(Task(f"batch, {length}", "peak", timer, length, "MB"))
     for name, tasks in (("one image", sizes), ("batches", batches)):
         title = f"memory of {tasks[-1].case} over {tasks[0].case}"
-        yield Group("memory", name, draw(1).image, tasks, {}, [(title, tasks[-1].case, tasks[0].case)], FEW)
+        yield TaskGroup("memory", name, draw(1).image, tasks, {}, [(title, tasks[-1].case, tasks[0].case)], FEW)
 
 
-def shards(order: Order, work: Path) -> Iterator[Group]:
+def shards(order: Schedule, work: Path) -> Iterator[TaskGroup]:
     """Milliseconds an image of two workers, of two shards side by side and of two Dask workers."""
     images, folders = work / "images", _fresh_folders(work)
     count = QUICK_SHARDED if order.quick else NUM_SHARDED
@@ -114,7 +114,7 @@ def shards(order: Order, work: Path) -> Iterator[Group]:
         titles["dask, 2 workers"] = "rate of Dask, its start included, in rates of --jobs 2"
     comparisons = [(title, "jobs, 2", case) for case, title in titles.items()]
     tasks = [Task(name, "image", timed_child(command, count)) for name, command in whole.items()]
-    yield Group("shards", "images", draw(1).image, tasks, {"images": count}, comparisons, FEW)
+    yield TaskGroup("shards", "images", draw(1).image, tasks, {"images": count}, comparisons, FEW)
 
 
 def write_images(folder: Path, count: int, *, quick: bool) -> Path:

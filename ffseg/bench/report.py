@@ -8,7 +8,7 @@ from dataclasses import asdict
 
 from ffseg.bench.gate import FORMAT
 from ffseg.bench.measure import Figure, growths
-from ffseg.bench.session import Outcome
+from ffseg.bench.session import Measurements
 from ffseg.io.tables import Cell, csv_table
 
 COLUMNS = (
@@ -19,7 +19,7 @@ SIGNIFICANT = 4
 """Digits of a figure in tables; the samples are whole in ``bench.json``."""
 
 
-def to_json(outcome: Outcome) -> bytes:
+def to_json(outcome: Measurements) -> bytes:
     """The whole run: raw samples, facts, machine and versions."""
     document = {
         "format": FORMAT,
@@ -37,7 +37,7 @@ def _figure(figure: Figure) -> dict[str, object]:
     return {**derived, "ratio_to_k": figure.ratio, **values, **samples}
 
 
-def to_csv(outcome: Outcome) -> bytes:
+def to_csv(outcome: Measurements) -> bytes:
     """One row for each figure."""
     return csv_table(COLUMNS, (_row(figure) for figure in outcome.figures))
 
@@ -54,7 +54,7 @@ def _short(value: float) -> float:
     return float(f"{value:.{SIGNIFICANT}g}")
 
 
-def to_markdown(outcome: Outcome) -> str:
+def to_markdown(outcome: Measurements) -> str:
     """The tables to read."""
     versions = ", ".join(f"{name} {version}" for name, version in outcome.versions.items())
     machine = "{processor}, {cores} cores, load {load}".format_map(outcome.machine)
@@ -77,7 +77,7 @@ HOW = (
 )
 
 
-def _suite_tables(outcome: Outcome, suite: str) -> list[str]:
+def _suite_tables(outcome: Measurements, suite: str) -> list[str]:
     figures = [figure for figure in outcome.figures if figure.suite == suite]
     head = ("case", "quantity", "median", "quartiles", "least", "processor", "K ms", "in K")
     lines = _table(head, map(_cells, figures))

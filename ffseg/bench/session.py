@@ -18,12 +18,12 @@ import numpy as np
 from ffseg import __version__
 from ffseg.bench import images, processes
 from ffseg.bench.gate import Baseline, Slower, confirmed, slower
-from ffseg.bench.measure import Compared, Fact, Figure, Group, Order, Skipped, compared, measure
+from ffseg.bench.measure import Fact, Figure, Ratio, Schedule, Skipped, TaskGroup, measure, ratios
 from ffseg.errors import FfsegError, UsageError
 from ffseg.io.images import OPENCV_VERSION
 from ffseg.schema.kinds import nearest_word
 
-SUITES: dict[str, Callable[[Order, Path], Iterator[Group | Skipped]]] = {
+SUITES: dict[str, Callable[[Schedule, Path], Iterator[TaskGroup | Skipped]]] = {
     **{suite.__name__: suite for suite in (images.patches, images.size, images.method, images.scenes, images.peers)},
     **{suite.__name__: suite for suite in (processes.batch, processes.startup, processes.memory, processes.shards)},
 }
@@ -36,7 +36,7 @@ Note = Callable[[str], None]
 
 
 @dataclass(slots=True)
-class Outcome:
+class Measurements:
     """All that a run measured."""
 
     quick: bool
@@ -45,12 +45,12 @@ class Outcome:
     versions: Mapping[str, str]
     figures: list[Figure] = field(default_factory=list)
     facts: dict[str, Mapping[str, Fact]] = field(default_factory=dict)
-    comparisons: list[Compared] = field(default_factory=list)
+    comparisons: list[Ratio] = field(default_factory=list)
     skipped: list[Skipped] = field(default_factory=list)
     slower: list[Slower] = field(default_factory=list)
 
 
-def check(order: Order) -> None:
+def check(order: Schedule) -> None:
     """Look at what is ordered, before anything is made or measured.
 
     Raises
@@ -67,13 +67,13 @@ def check(order: Order) -> None:
 
 
 def run_bench(
-    order: Order, note: Note, baseline: Baseline | None = None, keep: Callable[[Outcome], object] | None = None
-) -> Outcome:
+    order: Schedule, note: Note, baseline: Baseline | None = None, keep: Callable[[Measurements], object] | None = None
+) -> Measurements:
     """Measure everything ordered.
 
     Parameters
     ----------
-    order : Order
+    order : Schedule
         One that passed `check`.
     note : callable
         Hears what is being measured.
@@ -87,7 +87,7 @@ def run_bench(
     FfsegError
         If a suite fails or `keep` does; with exit code 3 once something was measured.
     """
-    outcome = Outcome(order.quick, datetime.now(UTC).isoformat(timespec="seconds"), _machine(), _versions())
+    outcome = Measurements(order.quick, datetime.now(UTC).isoformat(timespec="seconds"), _machine(), _versions())
     try:
         with tempfile.TemporaryDirectory(prefix="ffseg-bench-") as folder:
             for name in dict.fromkeys(order.suites or SUITES):
@@ -107,7 +107,9 @@ def run_bench(
     return outcome
 
 
-def _take(part: Group | Skipped, outcome: Outcome, order: Order, note: Note, baseline: Baseline | None) -> None:
+def _take(
+    part: TaskGroup | Skipped, outcome: Measurements, order: Schedule, note: Note, baseline: Baseline | None
+) -> None:
     if isinstance(part, Skipped):
         outcome.skipped.append(part)
         note(f"{part.suite}: {part.name} skipped, {part.reason}")
@@ -125,7 +127,7 @@ def _take(part: Group | Skipped, outcome: Outcome, order: Order, note: Note, bas
 
         figures = confirmed(figures, baseline, again)
     outcome.figures += figures
-    outcome.comparisons += compared(part, figures)
+    outcome.comparisons += ratios(part, figures)
     outcome.facts[f"{part.suite}/{part.name}"] = part.facts
 
 

@@ -13,7 +13,7 @@ from ffseg.camera.model import Camera
 from ffseg.camera.projections import Affine, Fisheye, Polynomial, Projection, UnifiedSphere
 from ffseg.errors import CalibrationError
 from ffseg.schema.kinds import FilePath, Flag, Integer, Many, Number, Row, Text
-from ffseg.schema.nodes import Node, Problems, Source
+from ffseg.schema.nodes import Node, Origin, Problems
 from ffseg.schema.sections import Section, collect, declarations, declared
 from ffseg.schema.strict_text import read_text
 from ffseg.schema.strict_yaml import parse
@@ -90,7 +90,7 @@ def load_camera(path: str | os.PathLike[str]) -> Camera:
     problems = Problems()
     text = read_text(os.fspath(path), problems)
     problems.raise_as(CalibrationError)
-    source = Source(os.fspath(path), os.path.dirname(os.fspath(path)))
+    source = Origin(os.fspath(path), os.path.dirname(os.fspath(path)))
     camera = _from_text(text, source, problems)
     problems.raise_as(CalibrationError)
     if camera is None:
@@ -120,7 +120,7 @@ def load_mounted_camera(path: str | os.PathLike[str]) -> Camera:
     )
 
 
-def _from_text(text: str, source: Source, problems: Problems) -> Camera | None:
+def _from_text(text: str, source: Origin, problems: Problems) -> Camera | None:
     if ocam_files.looks_like(text):
         return ocam_files.read(text, source.name, problems)
     if opencv_files.looks_like(text):
@@ -172,7 +172,7 @@ def _lens_file(root: Node, values: dict[str, Any], problems: Problems) -> Camera
     if values["model"] == "ocam":
         lens = ocam_files.read(text, name, problems)
     else:
-        lens = _opencv(opencv_files.read(text, Source(name, ""), problems), values["model"], problems)
+        lens = _opencv(opencv_files.read(text, Origin(name, ""), problems), values["model"], problems)
     if lens is not None:
         for key, own in (("width", lens.width), ("height", lens.height)):
             if values.get(key, own) != own:

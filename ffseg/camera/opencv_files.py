@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 from xml.parsers import expat
 
-from ffseg.schema.nodes import Node, Problems, Source
+from ffseg.schema.nodes import Node, Origin, Problems
 from ffseg.schema.strict_yaml import parse, scalar
 
 MAX_DEPTH = 20
@@ -40,7 +40,7 @@ def looks_like(text: str) -> bool:
     return start.startswith(("%YAML:1.0", "%YAML 1.0", "<?xml", "<opencv_storage")) or "!!opencv-matrix" in text
 
 
-def read(text: str, source: Source, problems: Problems) -> Values | None:
+def read(text: str, source: Origin, problems: Problems) -> Values | None:
     """Read the calibration; None with the problems noted."""
     root = _xml(text, source, problems) if text.lstrip().startswith("<") else _yaml(text, source, problems)
     if problems.lines or not isinstance(root.value, dict):
@@ -63,7 +63,7 @@ def read(text: str, source: Source, problems: Problems) -> Values | None:
     return Values(source.name, (size[0], size[1]), matrix, flat, xi[0][0] if xi else None, fisheye)
 
 
-def _yaml(text: str, source: Source, problems: Problems) -> Node:
+def _yaml(text: str, source: Origin, problems: Problems) -> Node:
     """FileStorage's dialect as plain YAML: its directive line and its one tag are taken off."""
     lines = text.lstrip().split("\n", 1)
     if lines[0].startswith("%YAML"):
@@ -72,7 +72,7 @@ def _yaml(text: str, source: Source, problems: Problems) -> Node:
 
 
 def _required_matrix(
-    values: dict[str, Node], keys: tuple[str, ...], source: Source, problems: Problems
+    values: dict[str, Node], keys: tuple[str, ...], source: Origin, problems: Problems
 ) -> tuple[tuple[float, ...], ...]:
     for key in keys:
         if key in values:
@@ -116,7 +116,7 @@ def _numbers(nodes: tuple[Node, ...]) -> tuple[float, ...] | None:
     return tuple(found)
 
 
-def _integer(values: dict[str, Node], keys: tuple[str, ...], source: Source, problems: Problems) -> int:
+def _integer(values: dict[str, Node], keys: tuple[str, ...], source: Origin, problems: Problems) -> int:
     for key in keys:
         if key in values:
             value = values[key].value
@@ -143,7 +143,7 @@ class _Element:
 class _XmlBuilder:
     """Builds nodes from expat events; no entity, no deep nesting, no repeated key."""
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: Origin) -> None:
         self.root: Node | None = None
         self._source = source
         self._stack: list[_Element] = []
@@ -182,11 +182,11 @@ class _XmlBuilder:
             self._stack[-1].children[done.name] = node
 
 
-def _words(text: str, source: Source, line: int) -> object:
+def _words(text: str, source: Origin, line: int) -> object:
     return tuple(Node(scalar(word), source, line) for word in text.split()) or ""
 
 
-def _xml(text: str, source: Source, problems: Problems) -> Node:
+def _xml(text: str, source: Origin, problems: Problems) -> Node:
     builder = _XmlBuilder(source)
     try:
         builder.parser.Parse(text.encode("utf-8"), True)

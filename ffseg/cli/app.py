@@ -88,8 +88,8 @@ def main() -> None:
     except (Exception, SystemExit) as error:  # the last resort of the program
         if isinstance(error, SystemExit) and _is_ours(error):
             raise
-        told = " ".join(str(error).split())[:200]
-        console.error(f"unexpected {type(error).__name__}: {told}; the traceback is in {_traceback_file()}")
+        sentence = " ".join(str(error).split())[:200]
+        console.error(f"unexpected {type(error).__name__}: {sentence}; the traceback is in {_traceback_file()}")
         sys.exit(1)
 
 

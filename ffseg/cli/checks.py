@@ -71,13 +71,13 @@ def _may_be_a_file(path: Path) -> bool:
         return error.errno == errno.ENOENT
 
 
-def refuse_others(wanted: Iterable[tuple[str, str]], remedy: str) -> None:
+def refuse_others(targets: Iterable[tuple[str, str]], remedy: str) -> None:
     """Refuse to replace files, given with their kinds, that are not known as what an earlier call wrote."""
     from ffseg.errors import UsageError
     from ffseg.io.files import printable
     from ffseg.io.saving import is_own
 
-    for path, kind in wanted:
+    for path, kind in targets:
         if os.path.isfile(path) and not is_own(path, kind):
             raise UsageError(f"{printable(path)} is there already and not known as a file of ffseg; {remedy}")
 

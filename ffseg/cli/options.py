@@ -91,20 +91,20 @@ Label = Annotated[
 ]
 
 
-def overrides(asked: Mapping[str, Any]) -> list[str]:
+def overrides(arguments: Mapping[str, Any]) -> list[str]:
     """What ``--set`` says, then ``--box``, ``--not`` and what is kept of the result and how it is called.
 
     Parameters
     ----------
-    asked : mapping
+    arguments : mapping
         Values of the options by the names that `run` and `segment` give them.
     """
-    boxes, outside = asked["boxes"], asked["outside"]
+    boxes, outside = arguments["boxes"], arguments["outside"]
     named = [f"init.boxes=[{', '.join(map(_corners, boxes))}]"] if boxes else []
     named += [f"init.background=[{', '.join(map(_seed, outside))}]"] if outside else []
-    kept = {key: asked[key] for key in ("largest", "min_area", "fill_holes", "label") if asked[key] is not None}
+    kept = {key: arguments[key] for key in ("largest", "min_area", "fill_holes", "label") if arguments[key] is not None}
     named += [f"region.{key}={json.dumps(value, ensure_ascii=False)}" for key, value in kept.items()]
-    return [*(asked["settings"] or ()), *named]
+    return [*(arguments["settings"] or ()), *named]
 
 
 def _corners(box: str) -> str:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ffseg.batch.plan.jobs import Plan
-from ffseg.batch.plan.reading import told
+from ffseg.batch.plan.reading import display_path
 from ffseg.batch.plan.sources import Job
 from ffseg.batch.record.ledger import Summary
 from ffseg.batch.runner import Run
@@ -40,7 +40,7 @@ def disagree(overlaps: Iterable[float | None]) -> bool:
     return bool(known) and max(known) == 0
 
 
-class Progress:
+class ProgressBar:
     """Progress bar and messages on stderr; what is to be told of images stands below the bar when it has ended.
 
     Parameters
@@ -64,16 +64,16 @@ class Progress:
 
             self._bar = tqdm(total=total, unit="image", file=sys.stderr, dynamic_ncols=True)
 
-    def finished(self, job: Job, status: str, told: str) -> None:
+    def finished(self, job: Job, status: str, note: str) -> None:
         """Count an image, and name it when it failed or there is something to tell."""
-        if told and not (self._quiet and status != "failed"):
+        if note and not (self._quiet and status != "failed"):
             self._told[status] += 1
             if self._told[status] <= _MOST_TOLD:
-                self._tell(f"{printable(job.source.told)}: {' '.join(told.split())}")
+                self._tell(f"{printable(job.source.display_path)}: {' '.join(note.split())}")
             elif self._told[status] == _MOST_TOLD + 1:
                 self._tell(f"further {'failures' if status == 'failed' else 'notes'} are in timings.csv only")
         elif self._verbose:
-            self.note(f"{printable(job.source.told)}: {'unchanged' if status == 'unchanged' else 'done'}")
+            self.note(f"{printable(job.source.display_path)}: {'unchanged' if status == 'unchanged' else 'done'}")
         if self._bar is not None:
             self._bar.update()
 
@@ -116,7 +116,7 @@ def show_skipped(plan: Plan, *, quiet: bool) -> None:
 
 def show_without_start(plan: Plan, starts: str) -> None:
     """Say how many images a starts file does not name."""
-    names = [printable(job.source.told) for job in plan.jobs if job.start is None and not job.source.problem]
+    names = [printable(job.source.display_path) for job in plan.jobs if job.start is None and not job.source.problem]
     if names:
         where = f"{counted(len(names), 'image')} of {len(plan.jobs)} without a row in {printable(starts)}"
         console.message(
@@ -146,10 +146,10 @@ def _planned(one: Preview, plan: Plan) -> dict[str, Any]:
     job = one.job
     return {
         "image": printable(job.source.name),
-        "path": job.source.told,
+        "path": job.source.display_path,
         "status": one.status,
         "outputs": list(plan.outputs(job)),
-        "truth": told(job.truth),
+        "truth": display_path(job.truth),
         "problem": one.error,
         "start": _start_told(job.start) if job.start else None,
     }
@@ -161,7 +161,7 @@ def _plan_line(one: Preview) -> str:
     where = " (start at " + "; ".join(map(_circle_told, circles)) + ")" if circles else ""
     words = {"failed": f"failed: {one.error}", "unchanged": "unchanged"}
     what = words.get(one.status) or ", ".join(map(printable, one.missing)) or "the IoU"
-    return f"{printable(job.source.told)}{where} -> {what}"
+    return f"{printable(job.source.display_path)}{where} -> {what}"
 
 
 def _circle_told(one: Start) -> str:
@@ -183,7 +183,7 @@ def show_result(run: Run, out: str, *, as_json: bool, verbose: bool = False) -> 
     """
     summary, finished = run.summary, list(run.rows())
     lines = [*(motions(finished) if verbose else ()), *(nothing_tested(finished, out) or untested_pairs(finished))]
-    lines += left_out(summary.drive)
+    lines += frames_left_out(summary.drive)
     lines += [DISAGREE] if disagree(row.get("iou") for row in finished) else []
     for line in lines:
         console.message(f"ffseg: {line}")
@@ -200,7 +200,7 @@ def show_result(run: Run, out: str, *, as_json: bool, verbose: bool = False) -> 
     console.summary([*_lines(summary, finished), ("output", printable(out))])
 
 
-def left_out(drive: Mapping[str, Any]) -> list[str]:
+def frames_left_out(drive: Mapping[str, Any]) -> list[str]:
     """Frames that are not in the map, by name."""
     lost = drive.get("lost", ())
     lines = [f"not in the map: {one['image']}: {one['reason']}" for one in lost[:_MOST_TOLD]]
@@ -254,8 +254,8 @@ def _lines(summary: Summary, rows: Sequence[Mapping[str, Any]]) -> list[tuple[st
         lines.append(("median ms", ", ".join(medians)))
     figures = _figures(good)
     if figures["doubts"]:
-        told = (f"{count} {DOUBTS.get(name, name)}" for name, count in figures["doubts"].items())
-        lines.append(("doubtful", f"{', '.join(told)}; of {len(good)}"))
+        doubts = (f"{count} {DOUBTS.get(name, name)}" for name, count in figures["doubts"].items())
+        lines.append(("doubtful", f"{', '.join(doubts)}; of {len(good)}"))
     flicker, moved, overlaps = (
         [row[name] for row in good if row.get(name) is not None] for name in ("flicker", "steady_px", "iou")
     )
@@ -288,8 +288,8 @@ def nothing_tested(rows: Sequence[Mapping[str, Any]], out: str) -> list[str]:
         return []
     notes = [row["note"] for row in rows if row.get("note") and row["image"] in images]
     components, of = counted(verdicts.total(), "enclosed component"), counted(len(images), "image")
-    said = f"nothing was tested: {components} of {of} stay untested"
-    return [said, *_reasons(notes, "image")]
+    head = f"nothing was tested: {components} of {of} stay untested"
+    return [head, *_reasons(notes, "image")]
 
 
 def untested_pairs(rows: Sequence[Mapping[str, Any]]) -> list[str]:

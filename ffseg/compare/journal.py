@@ -47,8 +47,8 @@ def refuse_foreign(out: str, panels: Iterable[str]) -> None:
     made = {panel_of(out, name) for name in images.union(table or ())}
     tables = (TABLE, PAGE) if table is not None else ()
     made |= {os.path.join(out, name) for name in ((*tables, NAME) if comparison else tables)}
-    wanted = (*(os.path.join(out, name) for name in (TABLE, PAGE, NAME)), *panels)
-    foreign = next((path for path in wanted if os.path.lexists(path) and path not in made), "")
+    outputs = (*(os.path.join(out, name) for name in (TABLE, PAGE, NAME)), *panels)
+    foreign = next((path for path in outputs if os.path.lexists(path) and path not in made), "")
     if foreign:
         raise UsageError(f"{printable(foreign)} exists and no comparison made it; choose another folder")
 
@@ -89,9 +89,9 @@ class Journal:
         self._path = os.path.join(task.out, NAME)
         files = {name: path for name in task.methods if (path := check("methods", name))}
         self._setup = Setup(params=task.params, files=files, truth_label=task.truth_label)
-        asked = [__version__, run_header(self._setup)["settings"], asdict(task.peers)]
-        asked += [task.methods, task.repeat, task.truth_label, task.own_edges]
-        comparison = digest(json.dumps(asked, sort_keys=True).encode())
+        identity = [__version__, run_header(self._setup)["settings"], asdict(task.peers)]
+        identity += [task.methods, task.repeat, task.truth_label, task.own_edges]
+        comparison = digest(json.dumps(identity, sort_keys=True).encode())
         before, images, lines = _journal(task.out)
         images |= {job.source.name for job in task.jobs if not job.source.problem} | (_table(task.out) or set())
         self.panels = {panel_of(task.out, name) for name in images}

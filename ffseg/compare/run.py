@@ -18,7 +18,7 @@ from ffseg.batch.plan.sources import STATE_FOLDER, Job
 from ffseg.batch.record.lock import OutputLock
 from ffseg.batch.workers.pictures import read_evidence, read_source, read_truth
 from ffseg.compare.journal import PAGE, TABLE, Journal, panel_of, refuse_foreign
-from ffseg.compare.shared import Shared, shared, was_moved
+from ffseg.compare.shared import SharedInput, shared_input, was_moved
 from ffseg.compare.text import markdown
 from ffseg.compare.values import COLUMNS, Comparison, Row
 from ffseg.errors import FfsegError, ImageReadError, OutputError, ParameterError, UsageError, is_out_of_memory
@@ -28,7 +28,7 @@ from ffseg.io.masks import Masks, named_masks
 from ffseg.io.overlays import polylines
 from ffseg.io.panels import Tile, encode_panel
 from ffseg.io.tables import csv_table
-from ffseg.methods.peers import configured
+from ffseg.methods.peers import method_parameters
 from ffseg.metrics import scores
 from ffseg.peer_parameters import PeerParameters
 from ffseg.pipeline import segment
@@ -172,7 +172,7 @@ def _compare_image(task: Comparison, job: Job, masks: Masks, tell: Callable[[Row
         evidence = read_evidence(job.evidence) if job.evidence else None
         bounds = masks.within(job.domain).bounds
     except (ImageReadError, ParameterError, MemoryError) as error:
-        rows = [Row(name, method, status="failed", error=_told(error)) for method in task.methods]
+        rows = [Row(name, method, status="failed", error=_failure(error)) for method in task.methods]
         for row in rows:
             tell(row)
         return rows, ""
@@ -181,7 +181,7 @@ def _compare_image(task: Comparison, job: Job, masks: Masks, tell: Callable[[Row
     # Method after method in every round, so that whatever else the machine does falls on all alike.
     rounds = []
     for _ in range(task.repeat):
-        alike = None if task.own_edges else shared(scene, task.methods)
+        alike = None if task.own_edges else shared_input(scene, task.methods)
         rounds.append([_run(scene, Row(name, method), task.peers, alike) for method in task.methods])
     rows, tiles = [], []
     for runs in zip(*rounds, strict=True):
@@ -196,7 +196,7 @@ def _compare_image(task: Comparison, job: Job, masks: Masks, tell: Callable[[Row
     return rows, panel
 
 
-def _told(error: Exception) -> str:
+def _failure(error: Exception) -> str:
     """Reason and sentence of what failed, as of a run."""
     if isinstance(error, FfsegError):
         return f"{error.reason}: {error}"
@@ -206,7 +206,7 @@ def _told(error: Exception) -> str:
 _Run = tuple[Row, Segmentation | None]
 
 
-def _run(scene: Scene, row: Row, peers: PeerParameters, alike: Shared | None) -> _Run:
+def _run(scene: Scene, row: Row, peers: PeerParameters, alike: SharedInput | None) -> _Run:
     """Run a method once: its row without scores, and its result if it has one."""
     chosen = row_of(row.method)
     if not chosen.installed:
@@ -214,11 +214,11 @@ def _run(scene: Scene, row: Row, peers: PeerParameters, alike: Shared | None) ->
             row, status="skipped", error=f"the package {chosen.package} is not installed; add ffseg[peers]"
         ), None
     try:
-        params, options = configured(scene.params, row.method, peers)
+        params, options = method_parameters(scene.params, row.method, peers)
         one = replace(scene, params=params, method=chosen, options=options)
         result = segment(one if alike is None else alike.scene(one))
     except Exception as error:  # noqa: BLE001 - a package may raise anything; the others are compared all the same
-        text = " ".join(_told(error).split())[:_LONGEST_ERROR]
+        text = " ".join(_failure(error).split())[:_LONGEST_ERROR]
         return replace(row, status="failed", error=text), None
     times = {key: getattr(result.timings, key) for key in _TIMES}
     if alike is not None and chosen.uses_edges:  # it would have had to make them

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from time import perf_counter
 
 from ffseg import pipeline
-from ffseg.contour import tried
+from ffseg.contour import trial_result
 from ffseg.errors import FfsegError
 from ffseg.image.edges import EdgeMap
 from ffseg.parameters import Parameters
@@ -20,7 +20,7 @@ REFERENCE = "freeform"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Shared:
+class SharedInput:
     """What all methods are given on an image.
 
     Attributes
@@ -51,30 +51,30 @@ def common_source(params: Parameters, methods: Sequence[str]) -> str:
     return next(filter(None, sources), "auto") if params.edges.source == "auto" else params.edges.source
 
 
-def shared(scene: Scene, methods: Sequence[str]) -> Shared | None:
+def shared_input(scene: Scene, methods: Sequence[str]) -> SharedInput | None:
     """Edge map and starts of a scene; None where there are none, as each method then says for itself."""
     params = scene.params
     edges = replace(params.edges, source=common_source(params, methods))
     try:
-        asked = pipeline.with_method(replace(scene, params=replace(params, edges=edges), method=method(REFERENCE)))
-        asked = pipeline.with_domain(pipeline.with_starts(asked))
+        prepared = pipeline.with_method(replace(scene, params=replace(params, edges=edges), method=method(REFERENCE)))
+        prepared = pipeline.with_domain(pipeline.with_starts(prepared))
         begin = perf_counter()
-        known = pipeline.with_evidence(asked)
+        with_edges = pipeline.with_evidence(prepared)
         edges_ms = (perf_counter() - begin) * 1e3
-        found = pipeline.contour_of(known)
+        found = pipeline.contour_of(with_edges)
     except (FfsegError, MemoryError):
         return None
-    if found is tried(known.edges):
+    if found is trial_result(with_edges.edges):
         edges_ms -= found.evolve_ms
     if was_moved(found.messages):
-        circles = (as_circle(start) for start in found.scene.starts[: len(asked.starts)])
+        circles = (as_circle(start) for start in found.scene.starts[: len(prepared.starts)])
         init = replace(
             params.init, center="auto", boxes=(), circles=tuple((one.x, one.y, one.radius) for one in circles)
         )
         params = replace(params, init=init)
-    domain = known.disc if known.domain is None else known.domain
-    bounded = replace(known.edges, domain=domain if known.edges.domain is None else known.edges.domain)
-    return Shared(params, bounded, edges_ms, was_moved(found.messages))
+    domain = with_edges.disc if with_edges.domain is None else with_edges.domain
+    bounded = replace(with_edges.edges, domain=domain if with_edges.edges.domain is None else with_edges.edges.domain)
+    return SharedInput(params, bounded, edges_ms, was_moved(found.messages))
 
 
 def was_moved(messages: Sequence[str]) -> bool:

@@ -7,7 +7,7 @@ from time import perf_counter
 
 import numpy as np
 
-from ffseg.contour import Found, bounded, run
+from ffseg.contour import ContourResult, bounded, run
 from ffseg.evidence.gradient import gradient
 from ffseg.image.boundary import EVERY, Boundary, FaintError, unless_faint
 from ffseg.image.edges import EdgeMap
@@ -62,14 +62,14 @@ def _not_told_outside(scene: Scene) -> Scene:
     return replace(scene, background=None, params=replace(scene.params, init=init))
 
 
-def _holds_clicks_outside(found: Found, scene: Scene) -> bool:
+def _holds_clicks_outside(found: ContourResult, scene: Scene) -> bool:
     if not scene.clicked_outside:
         return False
     outside = seeds(scene.params.init.background, scene.start_region(), scene.background)
     return bool((rasterize(found.outcome.contours or (), scene.shape) & outside).any())
 
 
-def _trial(scene: Scene) -> Found | None:
+def _trial(scene: Scene) -> ContourResult | None:
     """What the method finds on the image's own edges, where nobody would doubt them."""
     scene = bounded(scene)
     begin = perf_counter()
@@ -83,11 +83,13 @@ def _trial(scene: Scene) -> Found | None:
     boundary = Boundary(outcome.contours, scene.edges)
     evolve_ms = (perf_counter() - begin) * 1e3
     return (
-        Found(scene, outcome, messages, evolve_ms, across, boundary) if boundary.is_clear(_least_met(scene)) else None
+        ContourResult(scene, outcome, messages, evolve_ms, across, boundary)
+        if boundary.is_clear(_least_met(scene))
+        else None
     )
 
 
 def _least_met(scene: Scene) -> float:
-    """Strength below which parts of a boundary lie in open ground: at shut passages, and in a snake's slits."""
+    """Strength below which parts of a boundary lie in the open: at shut passages, and in a snake's slits."""
     slits = scene.method is not None and scene.method.slits
     return MET if slits or scene.shuts_passages else 0.0

@@ -15,7 +15,7 @@ from ffseg.evidence.forest import ARRAYS, Forest, shipped
 
 BASE = Path(__file__).with_name("base.ffmodel")
 """Part of the package; ``python -m ffseg.learning.grow`` makes it. It sees what a learned forest sees but no place in the
-image and no open ground."""
+image and no open area."""
 
 SERVES, SPREAD = 0.5, 0.25
 """IoU from which on that forest is corrected by the masks, and not left aside; and how far apart the IoU of images of one

@@ -21,10 +21,10 @@ from ffseg.evidence.forest import shipped
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import blurred, odds_edges
 from ffseg.evidence.prior import CERTAIN, SEEN, SMOOTHING
-from ffseg.evidence.surroundings import COLOURS, STRIDE, SURROUNDINGS, every, surroundings, voted
+from ffseg.evidence.surroundings import COLOURS, STRIDE, SURROUNDINGS, surroundings, voted, write_strided
 from ffseg.image.edges import EdgeMap
-from ffseg.image.exposure import exposed
-from ffseg.image.opencv_peers import cut
+from ffseg.image.exposure import normalised_exposure
+from ffseg.image.opencv_peers import grabcut_mask
 from ffseg.image.raster import window_of
 from ffseg.image.resized import resized
 from ffseg.native import _core
@@ -69,7 +69,7 @@ IN_BOX = (
 )
 """Planes that tell of the box: places in parts of its halves, and the core seen against what lies outside."""
 
-TAKEN = (*SEEN, *SURROUNDINGS, *IN_BOX)
+FEATURE_NAMES = (*SEEN, *SURROUNDINGS, *IN_BOX)
 
 
 def box_edges(scene: Scene) -> EdgeMap:
@@ -112,16 +112,16 @@ def in_box(image: NDArray[np.uint8], box: Box) -> tuple[tuple[slice, slice], NDA
         Logarithm of the odds of belonging to the object, for each pixel of the box; none belongs where the box is all there is.
     """
     window = window_of(box, image.shape)
-    view = look(image, window)
+    view = box_view(image, window)
     if view is None:
         return window, np.full([part.stop - part.start for part in window], np.float32(-CERTAIN))
-    model, native = shipped(MODEL, TAKEN)
+    model, native = shipped(MODEL, FEATURE_NAMES)
     odds = np.clip(model.inside.log_odds(all_planes(view), native) + np.float32(FILLED), -CERTAIN, CERTAIN)
     odds[view.seen.inside[::STRIDE, ::STRIDE] > 0] = -CERTAIN
     return window, view.enlarged(blurred(_with_cut(odds, image, view), SMOOTHING / STRIDE))
 
 
-def _with_cut(odds: Plane, image: NDArray[np.uint8], view: View) -> Plane:
+def _with_cut(odds: Plane, image: NDArray[np.uint8], view: BoxView) -> Plane:
     """Log odds after neighbours have voted; a cut by colours that finds much the same as they do has its say."""
     found = voted(odds, view.seen)
     height, width = (max(LEAST_SIDE, side * CUT_SIZE // SIZE) for side in view.seen.shape)
@@ -130,13 +130,13 @@ def _with_cut(odds: Plane, image: NDArray[np.uint8], view: View) -> Plane:
     likely, picture = (resized(found, shape) > DOUBTFUL) & ~outside, resized(image[view.outer], shape)
     if not likely.any() or likely.all() or not np.ptp(picture, axis=(0, 1)).any():  # of one colour: seconds for nothing
         return found
-    inside = resized(cut(picture, likely, outside, 1).astype(np.float32), odds.shape)
+    inside = resized(grabcut_mask(picture, likely, outside, 1).astype(np.float32), odds.shape)
     both, either = (np.count_nonzero(joint(found > 0, inside > 0.5)) for joint in (np.logical_and, np.logical_or))
     return found + np.float32(CUT) * (2 * inside - 1) if both > ALIKE * either else found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class View:
+class BoxView:
     """A box and its surroundings at the size at which the forest looks at them.
 
     Attributes
@@ -172,7 +172,7 @@ class View:
         return whole[self.inner]
 
 
-def look(image: NDArray[np.uint8], window: tuple[slice, slice]) -> View | None:
+def box_view(image: NDArray[np.uint8], window: tuple[slice, slice]) -> BoxView | None:
     """A box, given as its rows and columns, and its surroundings; None where it leaves nothing outside."""
     wide = max(2, round(AROUND * sum(part.stop - part.start for part in window) / 2))
     rows, columns = (
@@ -193,14 +193,16 @@ def look(image: NDArray[np.uint8], window: tuple[slice, slice]) -> View | None:
     if not outside.any():
         return None
     small = resized(part, (height, width))
-    return View(features(exposed(small), outside, SIZE, PLAIN), (rows, columns), (inner[0], inner[1]), away)
+    return BoxView(
+        features(normalised_exposure(small), outside, SIZE, PLAIN), (rows, columns), (inner[0], inner[1]), away
+    )
 
 
-def all_planes(view: View) -> Plane:
+def all_planes(view: BoxView) -> Plane:
     """The planes that the forest takes, in its order, of every `STRIDE`-th pixel: `SEEN`, the surroundings, the box."""
     seen = view.seen
-    planes = np.empty((len(TAKEN), *seen.inside[::STRIDE, ::STRIDE].shape), np.float32)
-    every(seen, SEEN, planes[: len(SEEN)])
+    planes = np.empty((len(FEATURE_NAMES), *seen.inside[::STRIDE, ::STRIDE].shape), np.float32)
+    write_strided(seen, SEEN, planes[: len(SEEN)])
     beside, own = planes[len(SEEN) : -len(IN_BOX)], planes[-len(IN_BOX) :]
     surroundings(seen, beside)
     x, y = (part[::STRIDE, ::STRIDE] for part in view.away)
@@ -212,15 +214,15 @@ def all_planes(view: View) -> Plane:
 
 def _from_core(seen: Features, core: NDArray[np.uint8], others_way: Plane, out: Plane) -> None:
     """Write what stands on ways from the core, and how much likelier a colour is in the core than outside the box."""
-    wanted = np.empty((1 + len(COLOURS), *core.shape), np.float32)
-    every(seen, ("slope@1.5", *COLOURS), wanted)
+    planes = np.empty((1 + len(COLOURS), *core.shape), np.float32)
+    write_strided(seen, ("slope@1.5", *COLOURS), planes)
     length, place = out[len(BARRIER)], len(BARRIER) + 1
-    _core.evidence_barrier(wanted[0], core, STEP, out[: len(BARRIER)])
-    way(wanted[0], core, length)
+    _core.evidence_barrier(planes[0], core, STEP, out[: len(BARRIER)])
+    way(planes[0], core, length)
     out[place] = np.log((length + 1) / (others_way + 1))
     alike, other = np.empty((2, *core.shape), np.float32)
-    _core.evidence_likelihood(wanted[1:], core, alike)
-    _core.evidence_likelihood(wanted[1:], np.ascontiguousarray(seen.inside[::STRIDE, ::STRIDE]), other)
+    _core.evidence_likelihood(planes[1:], core, alike)
+    _core.evidence_likelihood(planes[1:], np.ascontiguousarray(seen.inside[::STRIDE, ::STRIDE]), other)
     _core.evidence_blur(alike, 1.0 / STRIDE, out[place + 1])
     _core.evidence_blur(alike - other, 1.0 / STRIDE, out[place + 2])
     _core.evidence_blur(alike - other, 3.0 / STRIDE, out[place + 3])

@@ -1,9 +1,10 @@
-"""The source ``hints``: what several clicks tell, one after another, each a correction of what was told before it.
+"""The source ``hints``: evidence from several clicks, applied one after another, each a correction of the state before it.
 
-The first start tells what the prior says of it; a model, a map or boxes may have told in its place. What a later click and all
-before it show (`ffseg.evidence.hints`) then counts on the side of that click, where it hangs together with it, and near
-it (`REACH`): so a click mends what it was made for, and little else. Circles and points outside have an order each; of the two
-that come next the one deeper in what is wrong is first, as one clicks.
+The state is a plane of log odds of inside. It begins as the prior's log odds for the first start, or as those of a model, a map
+or boxes. A later click gives new log odds, learned from it and all clicks before it (`ffseg.evidence.hints`); they replace the
+old ones only where they turn pixels to the side of that click, connected with it and near it (`REACH`): a click mends the error
+that it was made for, and little else. Circles and points outside have an order each; of the next of both the one deeper in
+the present error is applied first, as a user would click.
 """
 
 from __future__ import annotations
@@ -20,26 +21,26 @@ from numpy.typing import NDArray
 from ffseg.evidence import hints, prior
 from ffseg.evidence.features import enlarged, reduced_mean, reduced_shape, reduction
 from ffseg.evidence.gradient import gradient
-from ffseg.evidence.hints import HELD, thin
+from ffseg.evidence.hints import HELD
 from ffseg.evidence.maps import log_odds, odds_edges
 from ffseg.evidence.prior import CERTAIN
-from ffseg.evidence.surroundings import STRIDE
+from ffseg.evidence.surroundings import STRIDE, strided
 from ffseg.image.edges import EdgeMap
 from ffseg.image.free import distances
 from ffseg.image.opencv_peers import grown
-from ffseg.image.parts import holding
+from ffseg.image.parts import parts_holding
 from ffseg.image.raster import rasterize
 from ffseg.scene import Scene
 from ffseg.starts.boxes import in_boxes
 from ffseg.starts.initial import circle_start, middles
-from ffseg.starts.parts import core
+from ffseg.starts.parts import start_core
 from ffseg.starts.rivals import POINT_RADIUS, add_disc, seeds
 
 Plane = NDArray[np.float32]
 Region = NDArray[np.bool_]
 
 REACH = 4.0
-"""Radius round a click within which it counts, in parts of its distance to where its side was told before it."""
+"""Radius round a click within which it counts, in parts of its depth: its distance to the nearest pixel of its side."""
 
 HALF = 0.5
 
@@ -58,8 +59,8 @@ class Click:
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
-    """What clicks are made in.
+class ClickedImage:
+    """An image with what is known of it before any click.
 
     Attributes
     ----------
@@ -67,8 +68,8 @@ class Asked:
         Grey or BGR.
     inside, outside : ndarray of bool, shape (H, W)
         Pixels known to lie there before the clicks, at least one inside.
-    said : ndarray of float32, shape (H, W), or None
-        Log odds that a model, a map of the image or boxes tell; None stands for the prior's.
+    base : ndarray of float32, shape (H, W), or None
+        Log odds of inside from a model, a map of the image or boxes; None stands for the prior's.
     level : float
         Log odds at which the region ends.
     within : ndarray of bool, shape (H, W), or None
@@ -78,7 +79,7 @@ class Asked:
     image: NDArray[np.uint8]
     inside: Region
     outside: Region
-    said: Plane | None
+    base: Plane | None
     level: float
     within: Region | None
 
@@ -89,12 +90,12 @@ class Asked:
 
     def reduced(self, plane: Plane) -> Plane:
         """A plane of the image at every `STRIDE`-th pixel of the reduced one, shape (h, w)."""
-        return thin(reduced_mean(plane, self.factor))
+        return strided(reduced_mean(plane, self.factor))
 
     @cached_property
-    def reduced_say(self) -> Plane | None:
-        """What was said, in such a plane."""
-        return None if self.said is None else self.reduced(self.said)
+    def reduced_base(self) -> Plane | None:
+        """The base, in such a plane."""
+        return None if self.base is None else self.reduced(self.base)
 
     def region(self, pixels: Region) -> Region:
         """Where at least half of such a pixel lies in a region; if that is nowhere, any of it, or of its neighbours."""
@@ -116,8 +117,8 @@ class Asked:
         found[min(max(round(row), 0), height - 1), min(max(round(column), 0), width - 1)] = True
         return found
 
-    def correction(self, before: Told, disc: Region, inside: bool, first_outside: bool) -> hints.Correction:
-        """A click on such a disc, beside what was told before it."""
+    def correction(self, before: ClickState, disc: Region, inside: bool, first_outside: bool) -> hints.Correction:
+        """A click on such a disc, beside the state before it."""
         region = before.odds > self.level
         depth = float(distances(~region if inside else region)[disc].max())
         return hints.Correction(disc, inside, before.odds, depth, first_outside and not inside)
@@ -138,7 +139,7 @@ class Asked:
     @cached_property
     def digest(self) -> bytes:
         """Equal for what is equal."""
-        parts = (self.image, self.inside, self.outside, self.said, self.within)
+        parts = (self.image, self.inside, self.outside, self.base, self.within)
         found = blake2b(repr((self.image.shape, self.level, [part is None for part in parts])).encode(), digest_size=16)
         for part in parts:
             if part is not None:
@@ -147,17 +148,17 @@ class Asked:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Told:
-    """What is told after some clicks, at every `STRIDE`-th pixel of the reduced image.
+class ClickState:
+    """The evidence after some clicks, at every `STRIDE`-th pixel of the reduced image.
 
     Attributes
     ----------
     odds : ndarray of float32, shape (h, w)
-        Log odds of belonging to what is meant.
+        Log odds of inside.
     counted : ndarray of bool, shape (h, w)
         Where a click has counted.
     stays : ndarray of bool, shape (h, w)
-        The region: parts that hold a click inside, and those that clicks outside have cut off.
+        The region: components that hold a click inside, and those that clicks outside have cut off.
     """
 
     odds: Plane
@@ -170,14 +171,14 @@ def hint_edges(scene: Scene) -> EdgeMap:
     return with_clicks(scene, gradient(scene))
 
 
-def with_clicks(scene: Scene, own: EdgeMap, said: Plane | None = None) -> EdgeMap:
+def with_clicks(scene: Scene, own: EdgeMap, base: Plane | None = None) -> EdgeMap:
     """Edges where the evidence falls to ``region.probability``; the image's own where clicks on both sides show the same.
 
     Parameters
     ----------
-    said : ndarray of float32, shape (H, W), optional
-        Log odds that a model, a map of the image or boxes tell without clicks, in place of the prior's: clicks correct them.
-        Without boxes, they do not count where the first start lies in none of the region that they tell.
+    base : ndarray of float32, shape (H, W), optional
+        Log odds of inside that clicks correct, from a model, a map of the image or boxes; the prior's if None. Without
+        boxes, they are not used if the first start lies wholly outside the region that they give.
 
     Raises
     ------
@@ -186,23 +187,25 @@ def with_clicks(scene: Scene, own: EdgeMap, said: Plane | None = None) -> EdgeMa
     """
     params, limits = scene.params, scene.disc if scene.domain is None else scene.domain
     level, points = log_odds(params.region.probability), params.init.background
-    if scene.boxes and said is not None:
-        scene = _in_boxes(scene, said - np.float32(level))
-    inside = core(scene)
+    if scene.boxes and base is not None:
+        scene = _in_boxes(scene, base - np.float32(level))
+    inside = start_core(scene)
     outside = seeds(points, inside, scene.background)
     within = None if limits is None else limits > 0
     if within is not None:
         inside &= within
     first, circles = _first(scene, inside)
-    if said is not None and not scene.boxes and first.any() and said[first].max() <= level:
-        said = None
-    odds, kept = said, None
+    if base is not None and not scene.boxes and first.any() and base[first].max() <= level:
+        base = None
+    odds, kept = base, None
     if first.any():
         beyond = np.zeros_like(inside) if scene.background is None else scene.background > 0
-        asked = Asked(scene.image, first, beyond, said, level, within)
-        told = corrected(asked, circles, [Click(x, y, max([POINT_RADIUS, *rest]), False) for x, y, *rest in points])
-        if told is not None:
-            odds, kept = _at_full_size(asked, told)
+        clicked = ClickedImage(scene.image, first, beyond, base, level, within)
+        state = state_after_all(
+            clicked, circles, [Click(x, y, max([POINT_RADIUS, *rest]), False) for x, y, *rest in points]
+        )
+        if state is not None:
+            odds, kept = _at_full_size(clicked, state)
             odds[grown(inside, HELD)] = CERTAIN
             odds[outside], odds[inside] = -CERTAIN, CERTAIN
     if odds is None:
@@ -238,25 +241,25 @@ def _first(scene: Scene, inside: Region) -> tuple[Region, list[Click]]:
     return begun, [Click(*circle, True) for circle in circles]
 
 
-def corrected(asked: Asked, circles: Sequence[Click], points: Sequence[Click]) -> Told | None:
-    """What is told after all clicks, of which each side has an order; None where both sides show the same and nothing is said."""
-    digest, done, lines = asked.digest, tuple[Click, ...](), [list(circles), list(points)]
-    told = _remembered((digest,), partial(_begun_with, asked))
-    first_outside = not asked.outside.any()
-    while told is not None and any(lines):
+def state_after_all(clicked: ClickedImage, circles: Sequence[Click], points: Sequence[Click]) -> ClickState | None:
+    """The state after all clicks, of which each side has an order; None where both sides look the same and there is no base."""
+    digest, done, lines = clicked.digest, tuple[Click, ...](), [list(circles), list(points)]
+    state = _remembered((digest,), partial(_state_before, clicked))
+    first_outside = not clicked.outside.any()
+    while state is not None and any(lines):
         left = [line for line in lines if line]
-        next_ones = [asked.correction(told, asked.disc(line[0]), line[0].inside, first_outside) for line in left]
+        next_ones = [clicked.correction(state, clicked.disc(line[0]), line[0].inside, first_outside) for line in left]
         at = max(range(len(left)), key=lambda side: next_ones[side].depth)
         done = (*done, left[at].pop(0))
         first_outside &= done[-1].inside
-        told = _remembered((digest, *done), partial(_after, asked, told, done, next_ones[at]))
-    return told
+        state = _remembered((digest, *done), partial(_state_after, clicked, state, done, next_ones[at]))
+    return state
 
 
-_known: OrderedDict[tuple[bytes | Click, ...], Told | None] = OrderedDict()
+_known: OrderedDict[tuple[bytes | Click, ...], ClickState | None] = OrderedDict()
 
 
-def _remembered(key: tuple[bytes | Click, ...], make: Callable[[], Told | None]) -> Told | None:
+def _remembered(key: tuple[bytes | Click, ...], make: Callable[[], ClickState | None]) -> ClickState | None:
     try:
         found = _known.pop(key)
     except KeyError:
@@ -267,61 +270,67 @@ def _remembered(key: tuple[bytes | Click, ...], make: Callable[[], Told | None])
     return found
 
 
-_viewed: dict[bytes, tuple[Region, prior.View]] = {}
+_viewed: dict[bytes, tuple[Region, prior.PriorView]] = {}
 
 
-def _view(asked: Asked, inside: Region) -> prior.View:
+def _view(clicked: ClickedImage, inside: Region) -> prior.PriorView:
     """What the prior looks at from a region; the last is kept, as a click outside changes nothing of it."""
-    last = _viewed.get(asked.digest)
+    last = _viewed.get(clicked.digest)
     if last is None or not np.array_equal(last[0], inside):
         _viewed.clear()
-        _viewed[asked.digest] = last = inside, prior.view(asked.image, inside)
+        _viewed[clicked.digest] = last = inside, prior.prior_view(clicked.image, inside)
     return last[1]
 
 
-def _begun_with(asked: Asked) -> Told | None:
-    """What is told before any click but a mask of what lies outside."""
-    odds = asked.reduced_say
+def _state_before(clicked: ClickedImage) -> ClickState | None:
+    """The state before any click, but after a mask of what lies outside."""
+    odds = clicked.reduced_base
     if odds is None:
-        odds = _view(asked, asked.inside).odds - np.float32(prior.CAUTION)
-    told = begun(asked, odds)
-    if not asked.outside.any():
-        return told
-    return _after(asked, told, (), asked.correction(told, asked.region(asked.outside), False, True))
+        odds = _view(clicked, clicked.inside).odds - np.float32(prior.CAUTION)
+    state = first_state(clicked, odds)
+    if not clicked.outside.any():
+        return state
+    return _state_after(clicked, state, (), clicked.correction(state, clicked.region(clicked.outside), False, True))
 
 
-def begun(asked: Asked, odds: Plane) -> Told:
-    """What is told before any click, of these log odds."""
-    return Told(odds, np.zeros(odds.shape, np.bool_), holding(odds > asked.level, asked.region(asked.inside)))
+def first_state(clicked: ClickedImage, odds: Plane) -> ClickState:
+    """The state that begins with these log odds."""
+    return ClickState(
+        odds, np.zeros(odds.shape, np.bool_), parts_holding(odds > clicked.level, clicked.region(clicked.inside))
+    )
 
 
-def _after(asked: Asked, before: Told, done: Sequence[Click], click: hints.Correction) -> Told | None:
-    """What is told after some clicks, of the last of which this is the correction."""
-    inside, outside = asked.known(done)
-    shown = hints.hints(partial(_view, asked), inside, outside, click, asked.reduced_say)
-    if shown is None:
-        return None if asked.said is None else before
-    return turned(asked, before, *shown, inside, click)
+def _state_after(
+    clicked: ClickedImage, before: ClickState, done: Sequence[Click], click: hints.Correction
+) -> ClickState | None:
+    """The state after some clicks, of the last of which this is the correction."""
+    inside, outside = clicked.known(done)
+    answer = hints.hints(partial(_view, clicked), inside, outside, click, clicked.reduced_base)
+    if answer is None:
+        return None if clicked.base is None else before
+    return next_state(clicked, before, *answer, inside, click)
 
 
-def turned(asked: Asked, before: Told, near: Plane, elsewhere: Plane, inside: Region, click: hints.Correction) -> Told:
-    """What is told after a click: what it shows where that turns pixels near it to its side, and what is left elsewhere."""
-    disc, now, then = click.disc, near > asked.level, elsewhere > asked.level
-    counted = holding((now & ~then if click.inside else then & ~now) & asked.near(click) | disc, disc)
+def next_state(
+    clicked: ClickedImage, before: ClickState, near: Plane, elsewhere: Plane, inside: Region, click: hints.Correction
+) -> ClickState:
+    """The state after a click: log odds `near` where they turn pixels near it to its side, `elsewhere` in other places."""
+    disc, now, then = click.disc, near > clicked.level, elsewhere > clicked.level
+    counted = parts_holding((now & ~then if click.inside else then & ~now) & clicked.near(click) | disc, disc)
     odds = np.where(counted, near, elsewhere)
-    region = odds > asked.level
+    region = odds > clicked.level
     stays = before.stays & region
     if click.inside:
-        stays |= holding(region | disc, disc)
+        stays |= parts_holding(region | disc, disc)
     else:
-        stays = holding(stays, asked.region(inside) | (distances(stays) >= click.depth))
-    return Told(odds, before.counted | counted, stays)
+        stays = parts_holding(stays, clicked.region(inside) | (distances(stays) >= click.depth))
+    return ClickState(odds, before.counted | counted, stays)
 
 
-def _at_full_size(asked: Asked, told: Told) -> tuple[Plane, Region]:
-    """Log odds and what stays of the region, at the size of the image; where no click counted, details of what was said."""
-    odds = asked.enlarged(told.odds)
-    if asked.said is not None and asked.reduced_say is not None:
-        rest = asked.said + asked.enlarged(told.odds - asked.reduced_say)
-        odds = np.where(asked.enlarged(told.counted) > HALF, odds, rest)
-    return odds, (asked.enlarged(told.stays) >= HALF) & (odds > asked.level)
+def _at_full_size(clicked: ClickedImage, state: ClickState) -> tuple[Plane, Region]:
+    """Log odds and the region at the size of the image; where no click counted, with the details of the base."""
+    odds = clicked.enlarged(state.odds)
+    if clicked.base is not None and clicked.reduced_base is not None:
+        rest = clicked.base + clicked.enlarged(state.odds - clicked.reduced_base)
+        odds = np.where(clicked.enlarged(state.counted) > HALF, odds, rest)
+    return odds, (clicked.enlarged(state.stays) >= HALF) & (odds > clicked.level)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.errors import SegmentationError
-from ffseg.evidence.openings import OPEN, open_ground
+from ffseg.evidence.openings import OPEN, open_areas
 from ffseg.native import _core
 
 WORKING_SIZE = 400
@@ -152,7 +152,7 @@ def features(
     _likeness(found)
     _place(found)
     if names == KNOWN:
-        open_ground(image, inside, factor, planes[-len(OPEN) :])
+        open_areas(image, inside, factor, planes[-len(OPEN) :])
     return found
 
 

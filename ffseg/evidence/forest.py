@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from ffseg.errors import ImageReadError, ParameterError
 from ffseg.evidence.features import KNOWN, NAMES, WORKING_SIZE, Features, enlarged, features
 from ffseg.evidence.openings import OPEN
-from ffseg.evidence.surroundings import STRIDE, every, voted
-from ffseg.image.exposure import exposed
+from ffseg.evidence.surroundings import STRIDE, voted, write_strided
+from ffseg.image.exposure import normalised_exposure
 from ffseg.io.files import printable, read_bytes
 from ffseg.native import _core
 
@@ -131,7 +131,7 @@ class Model:
     about : dict
         What it was learned from and how well it did, for people.
     exposed : bool
-        Whether it was shown images without haze and in even exposure (see `exposed`), as the prior is.
+        Whether it was shown images without haze and in even exposure (see `normalised_exposure`), as the prior is.
     prior : float
         Weight of the prior's log odds, which are added to its own; 0 = the prior is not asked.
     """
@@ -150,7 +150,7 @@ class Model:
 
     def shown(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """The image as the model looks at it."""
-        return exposed(image) if self.exposed else image
+        return normalised_exposure(image) if self.exposed else image
 
     def map(self, seen: Features, native: _core.EvidenceForest | None = None, prior: Plane | None = None) -> Plane:
         """Probability of inside for each pixel of the image, shape (H, W).
@@ -167,7 +167,7 @@ class Model:
         the time.
         """
         planes = np.empty((len(self.inside.features), *seen.inside[::STRIDE, ::STRIDE].shape), np.float32)
-        every(seen, self.inside.features, planes)
+        write_strided(seen, self.inside.features, planes)
         smooth = voted(np.clip(self.inside.log_odds(planes, native), -VOTE, VOTE), seen)
         if not self.prior:
             return enlarged(_probability(smooth), seen.factor, seen.shape, STRIDE)

@@ -1,10 +1,10 @@
-"""What a forest learned from drawings says of the last of several clicks (`ffseg.evidence.clicks`).
+"""Evidence from the last of several clicks (`ffseg.evidence.clicks`), by a forest learned from drawings.
 
-What is known to lie inside (start regions) and outside (``init.background``) teaches the colours and ways of both sides of this
-image: the forest sees what the prior sees from the inside, the prior's own say, and the same ways and colours seen from the
-outside. Of the last click it sees what was told before it, how deep that was wrong there, and the ways from it: it has learned to
-mend what simulated users click. Where a model or a map tells of the image, it takes what that says for the prior's
-say. It is part of the package; ``python -m ffseg.learning.grow`` makes it.
+The seeds inside (start regions) and outside (``init.background``) give the colours of both sides of this image and the
+geodesic distances (ways) from them. The forest's features are those of the prior seen from the seeds inside, the prior's
+log odds (or those of a model or a map of the image), the same ways and colours seen from the seeds outside, and, of the last
+click, the log odds before it, its depth in the error and the ways from it: the forest has learned to correct the errors that
+simulated users click. It is part of the package; ``python -m ffseg.learning.grow`` makes it.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +21,7 @@ from ffseg.evidence.features import BARRIER, Features, broadened, reduced_region
 from ffseg.evidence.forest import shipped
 from ffseg.evidence.maps import blurred
 from ffseg.evidence.prior import CERTAIN, LEAST_START, SMOOTHING
-from ffseg.evidence.surroundings import STRIDE, barriers, colours_of, likelier, likeness, steepest, voted
+from ffseg.evidence.surroundings import STRIDE, barriers, colours_of, likelier, likeness, steepest, strided, voted
 from ffseg.image.free import distances
 from ffseg.image.parts import Parts, scattered
 from ffseg.native import _core
@@ -54,7 +53,7 @@ SAY, AGAIN = 0.3, 1.0
 part of the log odds of colours, learned from what it shows, that is added to that: two plain halves part so from a click in each.
 With a share of .5 drawings gain a hundredth, and models on roads lose more."""
 
-TOLD = (
+BOTH_SIDES = (
     "prior",
     *(f"outside_{name}" for name in BARRIER),
     "outside_way",
@@ -68,7 +67,7 @@ TOLD = (
     "near_outside",
     "nearer",
 )
-CORRECTED = (
+LAST_CLICK = (
     "before",
     "side",
     *(f"click_{name}" for name in BARRIER),
@@ -79,14 +78,14 @@ CORRECTED = (
     "click_or_inside",
     "click_or_outside",
 )
-"""Planes that tell of the last click: what was told before it, its side, what stands on ways from it, and how deep it lies."""
+"""Features of the last click: the log odds before it, its side, what stands on ways from it, and its depth in the error."""
 
-TAKEN = (*prior.TAKEN, *TOLD, *CORRECTED)
+FEATURE_NAMES = (*prior.FEATURE_NAMES, *BOTH_SIDES, *LAST_CLICK)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Correction:
-    """The last click and what was told before it, at every `STRIDE`-th pixel of the reduced image.
+    """The last click and the evidence before it, at every `STRIDE`-th pixel of the reduced image.
 
     Attributes
     ----------
@@ -97,7 +96,7 @@ class Correction:
     before : ndarray of float32, shape (h, w)
         Log odds before it.
     depth : float
-        Pixels from the click to where its side was told before it.
+        Pixels from the click to the nearest of its side before it: how deep in the error it lies.
     shows_both : bool
         Whether it is the first outside, and so the first to tell of both sides.
     """
@@ -110,7 +109,7 @@ class Correction:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class View:
+class HintView:
     """What the forest looks at.
 
     Attributes
@@ -121,7 +120,7 @@ class View:
         1 where it is known to lie outside.
     """
 
-    own: prior.View
+    own: prior.PriorView
     outside: NDArray[np.uint8]
 
     @property
@@ -140,9 +139,13 @@ class View:
 
 
 def hints(
-    see: Callable[[Region], prior.View], inside: Region, outside: Region, click: Correction, said: Plane | None = None
+    see: Callable[[Region], prior.PriorView],
+    inside: Region,
+    outside: Region,
+    click: Correction,
+    base: Plane | None = None,
 ) -> tuple[Plane, Plane] | None:
-    """Evidence of what clicks mean, where the last one corrects what was told before it.
+    """Log odds of inside after the last click, a correction of those before it.
 
     Parameters
     ----------
@@ -150,31 +153,31 @@ def hints(
         Gives what the prior looks at in the image from a region, shape (H, W).
     inside, outside : ndarray of bool, shape (H, W)
         Pixels known to lie there, that click's among them; at least one inside, none in both.
-    said : ndarray of float32, shape (h, w), optional
-        Log odds that a model or a map of the image tells without clicks, in place of the prior's.
+    base : ndarray of float32, shape (h, w), optional
+        Log odds of a model or a map of the image, in place of the prior's.
 
     Returns
     -------
     near, elsewhere : ndarray of float32, shape (h, w)
-        Logarithm of the odds of belonging to what is meant, at most ``CERTAIN`` either way, at every `STRIDE`-th pixel of the
-        reduced image: where the click counts, and in other places. What was told before where no click but one shows anything.
-        None in their place where both sides show the same.
+        Log odds of inside, at most ``CERTAIN`` either way, at every `STRIDE`-th pixel of the reduced image: where the click
+        counts, and in other places. Those before it while only one click shows anything; None in place of both where both
+        sides look the same.
     """
     (shown, count), (beyond, _) = showing(inside, outside)
     if count == 1 and not beyond.any():
         return click.before, click.before
-    view = look(see(shown), beyond)
+    view = hint_view(see(shown), beyond)
     if view.is_even():
         return None
-    model, native = shipped(MODEL, TAKEN)
-    odds = np.clip(model.inside.log_odds(all_planes(view, click, said), native), -CERTAIN, CERTAIN)
-    return shared(odds, view, click)
+    model, native = shipped(MODEL, FEATURE_NAMES)
+    odds = np.clip(model.inside.log_odds(all_planes(view, click, base), native), -CERTAIN, CERTAIN)
+    return near_and_elsewhere(odds, view, click)
 
 
-def shared(odds: Plane, view: View, click: Correction) -> tuple[Plane, Plane]:
-    """What log odds that a click shows tell near it and elsewhere, after what is known is set and neighbours have voted."""
-    odds = np.where(thin(view.outside) > 0, np.float32(-CERTAIN), odds)
-    odds[thin(view.seen.inside) > 0] = CERTAIN
+def near_and_elsewhere(odds: Plane, view: HintView, click: Correction) -> tuple[Plane, Plane]:
+    """The forest's log odds near a click and elsewhere, after seeds are set and neighbours have voted."""
+    odds = np.where(strided(view.outside) > 0, np.float32(-CERTAIN), odds)
+    odds[strided(view.seen.inside) > 0] = CERTAIN
     near = blurred(voted(odds, view.seen), SMOOTHING / STRIDE)
     if not click.shows_both:
         return near, click.before
@@ -201,38 +204,35 @@ def _at_least(
     return kept, sum(len(found.touching(kept[window])) for window, found in side)
 
 
-def look(own: prior.View, outside: Region) -> View:
+def hint_view(own: prior.PriorView, outside: Region) -> HintView:
     """The image, seen from what is known to lie inside, and from what is known to lie outside, shape (H, W)."""
     inside = own.seen.inside
     beyond = (
         broadened(reduced_region(outside, own.seen.factor), LEAST_START) if outside.any() else np.zeros_like(inside)
     )
     beyond[inside > 0] = 0
-    return View(own, beyond)
+    return HintView(own, beyond)
 
 
-def thin(region: NDArray[Any]) -> NDArray[Any]:
-    """Every `STRIDE`-th pixel each way."""
-    return np.ascontiguousarray(region[::STRIDE, ::STRIDE])
-
-
-def all_planes(view: View, click: Correction, said: Plane | None = None) -> Plane:
+def all_planes(view: HintView, click: Correction, base: Plane | None = None) -> Plane:
     """The planes that the forest takes, in its order, of every `STRIDE`-th pixel."""
-    seen, count = view.seen, len(prior.TAKEN)
-    planes = np.empty((len(TAKEN), *thin(seen.inside).shape), np.float32)
+    seen, count = view.seen, len(prior.FEATURE_NAMES)
+    planes = np.empty((len(FEATURE_NAMES), *strided(seen.inside).shape), np.float32)
     planes[:count] = view.own.planes
-    planes[count] = view.own.said if said is None else np.clip(said, -CERTAIN, CERTAIN)
-    own_way, own_barrier = (planes[prior.TAKEN.index(name)] for name in ("way", "barrier@1.5"))
+    planes[count] = view.own.forest_odds if base is None else np.clip(base, -CERTAIN, CERTAIN)
+    own_way, own_barrier = (planes[prior.FEATURE_NAMES.index(name)] for name in ("way", "barrier@1.5"))
     slope, colours = steepest(seen["slope@1.5"]), colours_of(seen)
-    told = _told(view, slope, colours, planes[count], own_way, own_barrier)
-    outside_way = told[TOLD.index("outside_way") - 1]
-    corrected = _corrected(view, click, slope, colours, own_way, outside_way)
-    for to, plane in zip(planes[count + 1 :], (*told, *corrected), strict=True):
+    both_sides = _both_sides(view, slope, colours, planes[count], own_way, own_barrier)
+    outside_way = both_sides[BOTH_SIDES.index("outside_way") - 1]
+    last_click = _last_click(view, click, slope, colours, own_way, outside_way)
+    for to, plane in zip(planes[count + 1 :], (*both_sides, *last_click), strict=True):
         to[:] = plane
     return planes
 
 
-def _told(view: View, slope: Plane, colours: Plane, odds: Plane, own_way: Plane, own_barrier: Plane) -> list[Plane]:
+def _both_sides(
+    view: HintView, slope: Plane, colours: Plane, odds: Plane, own_way: Plane, own_barrier: Plane
+) -> list[Plane]:
     """What stands on ways from outside, how much likelier a colour is inside, and which side is nearer."""
     inside, outside = _halved(view.seen.inside), _halved(view.outside)
     barrier, length = np.zeros((len(BARRIER), *odds.shape), np.float32), np.zeros_like(odds)
@@ -259,11 +259,11 @@ def _told(view: View, slope: Plane, colours: Plane, odds: Plane, own_way: Plane,
     ]
 
 
-def _corrected(
-    view: View, click: Correction, slope: Plane, colours: Plane, inside_way: Plane, outside_way: Plane
+def _last_click(
+    view: HintView, click: Correction, slope: Plane, colours: Plane, inside_way: Plane, outside_way: Plane
 ) -> list[Plane | float]:
-    """What was told before the last click, and what stands on ways from it, beside those from all that is known."""
-    other = thin(view.outside if click.inside else view.seen.inside)
+    """The log odds before the last click, and what stands on ways from it, beside those from all seeds."""
+    other = strided(view.outside if click.inside else view.seen.inside)
     disc = np.where(other > 0, np.uint8(0), broadened(click.disc.view(np.uint8), LEAST_START / STRIDE))
     disc = disc if disc.any() else click.disc.view(np.uint8)
     length = np.empty_like(slope)
@@ -283,7 +283,7 @@ def _corrected(
 
 def _halved(region: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """A region at every `STRIDE`-th pixel: where half of these lie in it, or, if there are none, any."""
-    return reduced_region(region > 0, STRIDE) if region.any() else thin(region)
+    return reduced_region(region > 0, STRIDE) if region.any() else strided(region)
 
 
 def _distance(region: NDArray[np.uint8]) -> Plane:

@@ -1,4 +1,4 @@
-"""Open ground: what a start reaches without crossing an edge of the image, through passages of several widths."""
+"""Open areas: what a start reaches without crossing an edge of the image, through passages of several widths."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ SMOOTHING = 3.0
 """Reduced pixels; standard deviation of the planes that tell of the neighbourhood."""
 
 OPEN = (*(f"open{width}" for width in PASSAGES), *(f"open{width}~" for width in PASSAGES))
-"""Names of the planes in their order: 1 on open ground and 0 elsewhere, then the same smoothed."""
+"""Names of the planes in their order: 1 on open areas and 0 elsewhere, then the same smoothed."""
 
 
-def open_ground(image: NDArray[np.uint8], inside: NDArray[np.uint8], factor: int, out: NDArray[np.float32]) -> None:
+def open_areas(image: NDArray[np.uint8], inside: NDArray[np.uint8], factor: int, out: NDArray[np.float32]) -> None:
     """Write the planes that ``OPEN`` names.
 
     Parameters
     ----------
     image : ndarray of uint8, shape (H, W) or (H, W, 3)
     inside : ndarray of uint8, shape (h, w)
-        Nonzero in the start region, which is open ground itself.
+        Nonzero in the start region, which is open itself.
     factor : int
         Pixels a side of the image that became one.
     out : ndarray of float32, shape (len(OPEN), h, w)

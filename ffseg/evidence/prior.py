@@ -18,12 +18,12 @@ from ffseg.evidence.features import BARRIER, PLAIN, STEP, Features, enlarged, fe
 from ffseg.evidence.forest import Compiled, shipped
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import blurred, odds_edges
-from ffseg.evidence.surroundings import STRIDE, SURROUNDINGS, every, surroundings, thinned, voted
+from ffseg.evidence.surroundings import STRIDE, SURROUNDINGS, strided, surroundings, voted, write_strided
 from ffseg.image.edges import EdgeMap
-from ffseg.image.exposure import exposed
+from ffseg.image.exposure import normalised_exposure
 from ffseg.native import _core
 from ffseg.scene import Scene
-from ffseg.starts.parts import core
+from ffseg.starts.parts import start_core
 
 MODEL = Path(__file__).with_name("prior.ffmodel")
 
@@ -37,7 +37,7 @@ UNLIKE = tuple(f"unlike_{name}" for name in BARRIER)
 ALIKE = 5.0
 """Logarithm of how much likelier a colour is in the start than in the image from which on it holds no flood up."""
 
-TAKEN = (*SEEN, *SURROUNDINGS, *UNLIKE)
+FEATURE_NAMES = (*SEEN, *SURROUNDINGS, *UNLIKE)
 
 SMOOTHING = 1.0
 """Reduced pixels, afterwards."""
@@ -55,21 +55,21 @@ pixels of kinds left out gains .012 (standard error .003), of kinds that were le
 
 def model() -> Compiled:
     """The forest, as read and in the native core."""
-    return shipped(MODEL, TAKEN)
+    return shipped(MODEL, FEATURE_NAMES)
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class PriorView:
     """What the forest looks at, from a start.
 
     Attributes
     ----------
     seen : Features
-    asked : tuple of Model and native forest
+    compiled : tuple of Model and native forest
     """
 
     seen: Features
-    asked: Compiled
+    compiled: Compiled
 
     @cached_property
     def planes(self) -> NDArray[np.float32]:
@@ -77,21 +77,21 @@ class View:
         return all_planes(self.seen)
 
     @cached_property
-    def said(self) -> NDArray[np.float32]:
+    def forest_odds(self) -> NDArray[np.float32]:
         """Its log odds before neighbours vote, shape (h, w), at most ``CERTAIN`` either way."""
-        forest, native = self.asked
+        forest, native = self.compiled
         return np.clip(forest.inside.log_odds(self.planes, native), -CERTAIN, CERTAIN)
 
     @property
     def odds(self) -> NDArray[np.float32]:
         """Its evidence at every `STRIDE`-th pixel of the reduced image, shape (h, w)."""
-        return blurred(voted(self.said, self.seen), SMOOTHING / STRIDE)
+        return blurred(voted(self.forest_odds, self.seen), SMOOTHING / STRIDE)
 
 
-def view(image: NDArray[np.uint8], starts: NDArray[np.bool_], by: Compiled | None = None) -> View:
+def prior_view(image: NDArray[np.uint8], starts: NDArray[np.bool_], by: Compiled | None = None) -> PriorView:
     """What the forest that ships, or another one, looks at."""
-    asked = by or model()
-    return View(look(image, starts, asked[0].size), asked)
+    compiled = by or model()
+    return PriorView(start_features(image, starts, compiled[0].size), compiled)
 
 
 def prior(image: NDArray[np.uint8], starts: NDArray[np.bool_]) -> NDArray[np.float32]:
@@ -109,23 +109,25 @@ def prior(image: NDArray[np.uint8], starts: NDArray[np.bool_]) -> NDArray[np.flo
     ndarray of float32, shape (H, W)
         Logarithm of the odds of belonging to what the start lies on, at most ``CERTAIN`` either way.
     """
-    found = view(image, starts)
+    found = prior_view(image, starts)
     whole = enlarged(found.odds, found.seen.factor, found.seen.shape, STRIDE)
     whole[starts] = CERTAIN
     return whole
 
 
-def look(image: NDArray[np.uint8], starts: NDArray[np.bool_], size: int, least: float = LEAST_START) -> Features:
+def start_features(
+    image: NDArray[np.uint8], starts: NDArray[np.bool_], size: int, least: float = LEAST_START
+) -> Features:
     """The features that the prior's planes are made of, at most so many pixels a side, from a start of `least` or more."""
-    return features(exposed(image), starts, size, PLAIN, least)
+    return features(normalised_exposure(image), starts, size, PLAIN, least)
 
 
 def all_planes(seen: Features) -> NDArray[np.float32]:
     """The planes that the forest takes, in its order, of every `STRIDE`-th pixel: `SEEN`, the surroundings, the flood."""
-    planes = np.empty((len(TAKEN), *seen.inside[::STRIDE, ::STRIDE].shape), np.float32)
-    every(seen, SEEN, planes[: len(SEEN)])
+    planes = np.empty((len(FEATURE_NAMES), *seen.inside[::STRIDE, ::STRIDE].shape), np.float32)
+    write_strided(seen, SEEN, planes[: len(SEEN)])
     surroundings(seen, planes[len(SEEN) : -len(UNLIKE)])
-    heights = np.maximum(np.float32(ALIKE) - blurred(thinned(seen["likeness"]), 1.0 / STRIDE), np.float32(0))
+    heights = np.maximum(np.float32(ALIKE) - blurred(strided(seen["likeness"]), 1.0 / STRIDE), np.float32(0))
     _core.evidence_barrier(heights, reduced_region(seen.inside > 0, STRIDE), STEP, planes[-len(UNLIKE) :])
     return planes
 
@@ -137,7 +139,7 @@ def prior_edges(scene: Scene) -> EdgeMap:
 
 def with_prior(scene: Scene, image_edges: EdgeMap) -> EdgeMap:
     """Edges where the evidence falls to its level; the image's own edges if the start covers nothing of the domain."""
-    starts, domain = core(scene), scene.disc if scene.domain is None else scene.domain
+    starts, domain = start_core(scene), scene.disc if scene.domain is None else scene.domain
     if domain is not None:
         starts &= domain > 0
     if not starts.any():

@@ -19,14 +19,14 @@ from ffseg.evidence.maps import LEVEL, at_level, certain_odds, evidence_edges, s
 from ffseg.evidence.prior import prior
 from ffseg.image.checked import require_size
 from ffseg.image.edges import EdgeMap
-from ffseg.image.parts import parts
+from ffseg.image.parts import connected_parts
 from ffseg.image.raster import rasterize
 from ffseg.io.files import printable, read_bytes
 from ffseg.native import _core
 from ffseg.parameters import Network, Parameters
 from ffseg.scene import Scene
 from ffseg.starts.initial import circle_start, middles
-from ffseg.starts.parts import core
+from ffseg.starts.parts import start_core
 from ffseg.starts.pockets import depths, discs
 from ffseg.starts.rivals import seeds
 
@@ -55,18 +55,18 @@ def model_edges(scene: Scene) -> EdgeMap:
     if path.endswith(NETWORK_SUFFIX):
         probability = _network_map(scene, path)
     else:
-        probability = told(ready(path)[0], scene.image, _before_clicks(scene), ready(path)[1])
+        probability = model_odds(ready(path)[0], scene.image, _before_clicks(scene), ready(path)[1])
     return _edges(scene, probability, own, "model")
 
 
 def _before_clicks(scene: Scene) -> NDArray[np.bool_]:
     """The start region; circles beside boxes are clicks that correct what is told of the middles of these."""
     if not (scene.boxes and scene.params.init.circles):
-        return core(scene)
+        return start_core(scene)
     return rasterize(middles(scene.params, scene.shape), scene.shape)
 
 
-def told(
+def model_odds(
     model: Model, image: NDArray[np.uint8], start: NDArray[np.bool_], native: _core.EvidenceForest | None = None
 ) -> NDArray[np.float32]:
     """What a model says of an image, seen from a start region, and of the prior where it asks it.
@@ -149,8 +149,8 @@ def model_start(
         sure &= reduced_mean(outside.astype(np.float32), factor) == 0
     if not sure.any():
         return None
-    told = parts(sure)
-    ((x, y, depth),) = discs(depths(sure.astype(np.uint8)), told, np.array([told.areas.argmax()]), np.inf)
+    regions = connected_parts(sure)
+    ((x, y, depth),) = discs(depths(sure.astype(np.uint8)), regions, np.array([regions.areas.argmax()]), np.inf)
     return (x + 0.5) * factor - 0.5, (y + 0.5) * factor - 0.5, min(most, max(depth, WHOLE_START) * factor)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -63,9 +65,9 @@ def surroundings(seen: Features, out: Plane) -> None:
     start = reduced_region(seen.inside > 0, STRIDE)
     slopes = {name: steepest(seen[f"slope@{name}"]) for name in (*FINE, "3")}
     ways = _ways(slopes, start)
-    crossed = {FINE[0]: thinned(seen[f"barrier@{FINE[0]}"]), FINE[1]: ways[0]}
+    crossed = {FINE[0]: strided(seen[f"barrier@{FINE[0]}"]), FINE[1]: ways[0]}
     colours = np.empty((len(COLOURS), *start.shape), np.float32)
-    every(seen, COLOURS, colours)
+    write_strided(seen, COLOURS, colours)
     planes = [
         *ways,
         *_likenesses(seen, colours),
@@ -76,7 +78,7 @@ def surroundings(seen: Features, out: Plane) -> None:
         to[:] = plane
 
 
-def every(seen: Features, names: tuple[str, ...], out: Plane) -> None:
+def write_strided(seen: Features, names: tuple[str, ...], out: Plane) -> None:
     """Write every ``STRIDE``-th pixel each way of the planes of those names."""
     places = {name: place for place, name in enumerate(seen.names)}
     _core.evidence_thin(seen.planes, np.array([places[name] for name in names], np.int32), out)
@@ -85,7 +87,7 @@ def every(seen: Features, names: tuple[str, ...], out: Plane) -> None:
 def colours_of(seen: Features) -> Plane:
     """``COLOURS`` of every ``STRIDE``-th pixel each way."""
     planes = np.empty((len(COLOURS), *reduced_shape(seen.inside.shape, STRIDE)), np.float32)
-    every(seen, COLOURS, planes)
+    write_strided(seen, COLOURS, planes)
     return planes
 
 
@@ -106,7 +108,7 @@ def likelier(colours: Plane, region: NDArray[np.bool_]) -> Plane:
 def voted(odds: Plane, seen: Features) -> Plane:
     """Log odds of every ``STRIDE``-th pixel each way after their neighbours have voted, though not across edges."""
     found, lab = np.empty_like(odds), np.empty((len(FINEST), *odds.shape), np.float32)
-    every(seen, FINEST, lab)
+    write_strided(seen, FINEST, lab)
     _core.evidence_diffuse(np.ascontiguousarray(odds), lab, KEPT, CONTRAST, STEPS, found)
     return found
 
@@ -130,7 +132,7 @@ def _likenesses(seen: Features, colours: Plane) -> tuple[Plane, Plane]:
     size = float(np.sqrt(seen.inside.shape[0] * seen.inside.shape[1]))
     likeness = np.empty_like(colours[0])
     _core.evidence_likelihood(colours, _frame(likeness.shape, max(2, int(FRAME * size)) // STRIDE), likeness)
-    return blurred(likeness, 1.0 / STRIDE), blurred(thinned(seen["likeness"]), 3.0 / STRIDE)
+    return blurred(likeness, 1.0 / STRIDE), blurred(strided(seen["likeness"]), 3.0 / STRIDE)
 
 
 def _compared(slopes: dict[str, Plane], crossed: dict[str, Plane], inside: NDArray[np.bool_]) -> list[Plane]:
@@ -150,11 +152,9 @@ def steepest(slope: Plane) -> Plane:
     return found
 
 
-def thinned(plane: Plane) -> Plane:
-    """Every ``STRIDE``-th pixel each way."""
-    found = np.empty(reduced_shape(plane.shape, STRIDE), np.float32)
-    _core.evidence_thin(plane[None], np.zeros(1, np.int32), found[None])
-    return found
+def strided(plane: NDArray[Any]) -> NDArray[Any]:
+    """Every ``STRIDE``-th pixel each way, C-contiguous."""
+    return np.ascontiguousarray(plane[::STRIDE, ::STRIDE])
 
 
 def _frame(shape: tuple[int, int], width: int) -> NDArray[np.uint8]:

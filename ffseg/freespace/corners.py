@@ -9,8 +9,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.freespace.motion.evidence import MOST_CORNERS
-from ffseg.freespace.pairs import LEAST_SCORE, NOISE_PX, ImagePair, Sway, swayed
+from ffseg.freespace.motion.candidates import MOST_CORNERS
+from ffseg.freespace.pairs import LEAST_SCORE, NOISE_PX, ImagePair, MotionUncertainty, propagated
 from ffseg.image.components import Component
 from ffseg.image.interest import InterestPoints, harris_points
 from ffseg.image.keypoints import Array, Candidates, align_patches, patch_scores, plane_candidates
@@ -54,7 +54,7 @@ def match_corners(
     pair: ImagePair,
     components: Sequence[Component],
     epsilon: float,
-    sway: Sway | None = None,
+    uncertainty: MotionUncertainty | None = None,
     corners: InterestPoints | None = None,
 ) -> Matches:
     """Match Harris corners of components along their epipolar curves and triangulate them.
@@ -65,7 +65,7 @@ def match_corners(
     found = harris_points(pair.current, components, MOST_CORNERS) if corners is None else corners
     start, rate, nearness, unique = _sweep(pair, found.pixels, epsilon)
     aligned = align_patches(pair.current, pair.previous, found.pixels, start, CORNER_RADIUS)
-    moved, covariance = swayed(pair, found, sway)
+    moved, covariance = propagated(pair, found, uncertainty)
     step = aligned.pixels - start.pixels[:, 0]
     with np.errstate(invalid="ignore", divide="ignore"):
         square = np.sum(rate**2, axis=1)

@@ -39,11 +39,11 @@ class Lean:
     nod_sigma: float
 
 
-def lean_of(mounted: Camera | None, stood: Camera | None, motion: Motion | None) -> Lean | None:
+def lean_of(mounted: Camera | None, found: Camera | None, motion: Motion | None) -> Lean | None:
     """What a pair's motion shows of how the camera leaned; None where no ground showed it."""
-    if mounted is None or stood is None or motion is None or motion.spread is None:
+    if mounted is None or found is None or motion is None or motion.spread is None:
         return None
-    x, y = (mounted.level()[:2] @ stood.up).tolist()
+    x, y = (mounted.level()[:2] @ found.up).tolist()
     nod, lean = np.sqrt(np.sum(motion.spread[:, 4:] ** 2, axis=0).reshape(2, 2).mean(axis=1)).tolist()
     return Lean(x, y, lean, nod)
 
@@ -61,7 +61,7 @@ class Leans:
         self._nods = np.zeros(2)  # sum of squares of nods, to each side, and twice their number: one is two leans apart
 
     @property
-    def told(self) -> bool:
+    def informative(self) -> bool:
         """Whether any nod was seen."""
         return bool(self._nods[1])
 

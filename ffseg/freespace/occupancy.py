@@ -169,7 +169,7 @@ class OccupancyMap:
     def _due(self, now: tuple[str, Sighting, Station]) -> list[tuple[str, Sighting, Station]]:
         """What is to be added: all of the drive's beginning once more when its first nod tells how the camera may have leaned."""
         begun, self._begun = self._begun, []
-        if self._leans.told:
+        if self._leans.informative:
             if begun:
                 self._told[:] = 0.0
             return [*begun, now]
@@ -187,10 +187,10 @@ class OccupancyMap:
         if pose is None:
             return led if self._last is not None else Station(0.0, 0.0, 0.0, estimated=True)
         self._check_upright(pose.rotation @ seen.camera.up)
-        given = Station(*planar_place(seen.camera, pose), *(pose.sigmas or (0.0, 0.0)))
+        by_pose = Station(*planar_place(seen.camera, pose), *(pose.sigmas or (0.0, 0.0)))
         if led is None or not seen.sigmas[0]:
-            return given
-        return self._between(given, led, seen.sigmas, stated=pose.sigmas is not None)
+            return by_pose
+        return self._between(by_pose, led, seen.sigmas, stated=pose.sigmas is not None)
 
     def _check_upright(self, up: Array) -> None:
         down = self._down or (-1.0 if up[2] > 0.0 else 1.0)
@@ -212,15 +212,15 @@ class OccupancyMap:
                 f"more than {MOST_CELLS} cells of {self.cell:g} m; check its pose and the unit, or map the drive in parts"
             )
 
-    def _between(self, given: Station, led: Station, step: tuple[float, float], *, stated: bool) -> Station:
+    def _between(self, by_pose: Station, led: Station, step: tuple[float, float], *, stated: bool) -> Station:
         """A pose and what the ground says, weighted by their variances; of a pose that states none, as they have differed.
 
         Of the ground the part counts by which its steps err alone, so many times a step's variance, and all that it has from
         stated poses before.
         """
-        x, y, turn = given.x - led.x, given.y - led.y, (given.theta - led.theta + np.pi) % (2 * np.pi) - np.pi
+        x, y, turn = by_pose.x - led.x, by_pose.y - led.y, (by_pose.theta - led.theta + np.pi) % (2 * np.pi) - np.pi
         self._errors += [0.5 * (x * x + y * y), turn * turn, 1.0]
-        own = np.square([given.sigma_m, given.sigma_rad]) if stated else self._errors[:2] / self._errors[2]
+        own = np.square([by_pose.sigma_m, by_pose.sigma_rad]) if stated else self._errors[:2] / self._errors[2]
         walked, posed = np.array(led.walked), _posed(led)
         ground = walked * step + posed
         share = ground / np.maximum(own + ground, 1e-18)
@@ -237,10 +237,10 @@ class OccupancyMap:
         height, moves = seen.camera.mounting(), STEADY * self.cell / max(sigma, 1e-9)
         near = min(self.reach, float(np.sqrt(max(height * (moves - height), 0.0))))
         cells = Window(station, (low + 0.5) * step, step, count, near, _levelled(seen.camera, lean))
-        told, chance = read_cells(seen, self._lens, cells, self.reach)
+        seen_cells, chance = read_cells(seen, self._lens, cells, self.reach)
         column, row = (low - self._corner).tolist()
         window = self._told[:, row : row + count, column : column + count]
-        new = told.astype(np.float32)
+        new = seen_cells.astype(np.float32)
         window *= 1.0 - new / np.float32(REMEMBERED)
         window[0] += np.log(1.0 / chance - 1.0) * new
         window[1] += new

@@ -168,10 +168,10 @@ class Ground:
         pixels = to_pixels(self.camera, points)
         at_rim = read_at(deeper(self.seen, RIM_PX), *pixels.T.astype(np.float32), nearest=True) == 0
         ends = np.where(np.isnan(ranges), "unknown", np.where(at_rim, "rim", "obstacle"))
-        told: tuple[End, ...] = tuple(ends.tolist())
+        all_ends: tuple[End, ...] = tuple(ends.tolist())
         height = self.camera.mounting()
         tilted = (height + ranges**2 / height) * self.lean_sigma  # by which a lean moves ground so far away
-        return Scan(bearings, ranges, np.hypot(_range_sigma(self.camera, pixels), tilted), told, self.reach)
+        return Scan(bearings, ranges, np.hypot(_range_sigma(self.camera, pixels), tilted), all_ends, self.reach)
 
 
 def ground_of(

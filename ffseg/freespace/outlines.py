@@ -7,10 +7,18 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.freespace.pairs import CONFIDENT, LEAST_SCORE, NOISE_PX, ImagePair, Sway, swayed
+from ffseg.freespace.pairs import CONFIDENT, LEAST_SCORE, NOISE_PX, ImagePair, MotionUncertainty, propagated
 from ffseg.image.components import Component
 from ffseg.image.interest import outline_points
-from ffseg.image.keypoints import Alignments, Array, Candidates, Grey, align_patches, limited, plane_candidates
+from ffseg.image.keypoints import (
+    Alignments,
+    Array,
+    Candidates,
+    Grey,
+    align_patches,
+    limited_information,
+    plane_candidates,
+)
 
 MOST_OUTLINE = 22
 """Outline samples per component: one every few pixels of a mark of middling size."""
@@ -27,7 +35,7 @@ def outline_votes(
     pair: ImagePair,
     components: Sequence[Component],
     epsilon: float,
-    sway: Sway,
+    uncertainty: MotionUncertainty,
     samples: list[Array] | None = None,
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Samples of each component's edges that lie on the ground, and those that do not.
@@ -39,7 +47,7 @@ def outline_votes(
     ground = plane_candidates(pair.camera, pair.motion, found.pixels, np.array([0.0, epsilon]))
     start = Candidates(ground.pixels[:, :1], ground.warps[:, :1])
     aligned = align_patches(pair.current, pair.previous, found.pixels, start, OUTLINE_RADIUS, OUTLINE_STEPS)
-    shift, covariance = swayed(pair, found, sway)
+    shift, covariance = propagated(pair, found, uncertainty)
     flat, raised = _judge(aligned, ground, shift, covariance)
     tells = pair.noise**2 < MOST_NOISE * _contrast(pair.current, found.pixels)
     flat, raised, count = flat & tells, raised & tells, len(components)
@@ -64,7 +72,7 @@ def _judge(
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     shift = aligned.pixels - ground.pixels[:, 0] - moved
     parallax = ground.pixels[:, 1] - ground.pixels[:, 0]
-    information = limited(aligned.information, NOISE_PX)
+    information = limited_information(aligned.information, NOISE_PX)
     # (J^-1 + C)^-1, which holds for an edge's singular J as well.
     information = information @ _inverse(np.eye(2) + covariance @ information)
     weighted = np.einsum("nij,nj->ni", information, parallax)

@@ -42,7 +42,7 @@ class ImagePair:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sway:
+class MotionUncertainty:
     """What the doubt about the motion comes to in the previous image, at each component.
 
     Attributes
@@ -60,31 +60,31 @@ class Sway:
     covariance: Array
     small: bool
 
-    def of(self, places: list[int]) -> Sway:
+    def of(self, places: list[int]) -> MotionUncertainty:
         """That of some of the components."""
-        return Sway(self.doubt.of(places), self.shift[places], self.covariance[places], self.small)
+        return MotionUncertainty(self.doubt.of(places), self.shift[places], self.covariance[places], self.small)
 
 
 SMALL_SWAY = 0.1
 """Pixels, half of what a match is good to: a third of it, by which a component's ends may differ, is lost in that."""
 
 
-def sway_of(pair: ImagePair, middles: Array, doubt: Doubt, fit: GroundFit | None) -> Sway:
+def motion_uncertainty(pair: ImagePair, middles: Array, doubt: Doubt, fit: GroundFit | None) -> MotionUncertainty:
     """What the doubt comes to at the middles of components, shape (count, 2), pixels."""
     slopes = position_slopes(pair.camera, pair.motion, middles) if fit is None else fit.slopes_near(middles)
     shift, covariance = _expected(slopes, doubt, np.arange(len(middles)))
     worst = max(np.abs(shift).max(initial=0.0), np.sqrt(np.trace(covariance, axis1=1, axis2=2).max(initial=0.0)))
-    return Sway(doubt, shift, covariance, bool(worst < SMALL_SWAY))
+    return MotionUncertainty(doubt, shift, covariance, bool(worst < SMALL_SWAY))
 
 
-def swayed(pair: ImagePair, found: InterestPoints, sway: Sway | None) -> tuple[Array, Array]:
+def propagated(pair: ImagePair, found: InterestPoints, uncertainty: MotionUncertainty | None) -> tuple[Array, Array]:
     """Where the others would put the ground of points, and the covariance of it."""
-    if sway is None:
+    if uncertainty is None:
         doubt = shared_doubt(pair.motion, 1)
         return _expected(position_slopes(pair.camera, pair.motion, found.pixels), doubt, np.zeros_like(found.owner))
-    if sway.small:
-        return sway.shift[found.owner], sway.covariance[found.owner]
-    return _expected(position_slopes(pair.camera, pair.motion, found.pixels), sway.doubt, found.owner)
+    if uncertainty.small:
+        return uncertainty.shift[found.owner], uncertainty.covariance[found.owner]
+    return _expected(position_slopes(pair.camera, pair.motion, found.pixels), uncertainty.doubt, found.owner)
 
 
 def _expected(slopes: Array, doubt: Doubt, owner: NDArray[np.intp]) -> tuple[Array, Array]:

@@ -18,20 +18,28 @@ from ffseg.camera.motion import Motion, Pose, planar_parameters, relative_motion
 from ffseg.errors import CalibrationError, ParameterError, SegmentationError
 from ffseg.freespace.altitudes import altitude_points
 from ffseg.freespace.leans import SLACK, lean_of
+from ffseg.freespace.motion.candidates import SegmentedImage, outer_joints
 from ffseg.freespace.motion.egomotion import pair_motion
-from ffseg.freespace.motion.evidence import Scenery, outer_joints
 from ffseg.freespace.motion.ground import GroundFit
 from ffseg.freespace.outline import REACH, Ground, Scan, ground_of
 from ffseg.freespace.pairs import ImagePair
 from ffseg.freespace.structural import ComponentVerdict
-from ffseg.freespace.tracks import Tracks
-from ffseg.freespace.window import NO_SAMPLES, NOTHING_ENCLOSED, WINDOW, Earlier, Link, judged, moved
+from ffseg.freespace.tracks import ObstacleTracks
+from ffseg.freespace.window import (
+    NO_SAMPLES,
+    NOTHING_ENCLOSED,
+    WINDOW,
+    EarlierImage,
+    Link,
+    window_motion,
+    window_verdicts,
+)
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.checked import Pixels, taken_image
 from ffseg.image.components import Component, contour_components, merged
 from ffseg.image.free import without_slivers
 from ffseg.image.keypoints import Grey, grey_image
-from ffseg.image.leaks import leaked
+from ffseg.image.leaks import leaking_pixels
 from ffseg.io.masks import named_masks
 from ffseg.parameters import Parameters, ParametersLike, parameter_set
 from ffseg.pipeline import segment
@@ -162,8 +170,10 @@ class Frame:
 
     def __repr__(self) -> str:
         verdicts = Counter(row.verdict for row in self.components)
-        told = ", ".join(f"{count} {verdict}" for verdict, count in sorted(verdicts.items())) or "none enclosed"
-        return f"<Frame: {np.count_nonzero(self.mask)} px free; components: {told}; {self.note}>"
+        verdict_counts = (
+            ", ".join(f"{count} {verdict}" for verdict, count in sorted(verdicts.items())) or "none enclosed"
+        )
+        return f"<Frame: {np.count_nonzero(self.mask)} px free; components: {verdict_counts}; {self.note}>"
 
 
 def omnidirectional_parameters(params: Parameters, camera: Camera) -> Parameters:
@@ -228,7 +238,7 @@ def view_scene(scene: Scene, camera: Camera) -> Scene:
     )
 
 
-def segment_frame(scene: Scene, earlier: Iterable[Earlier], camera: Camera, *, mapped: bool = False) -> Frame:
+def segment_frame(scene: Scene, earlier: Iterable[EarlierImage], camera: Camera, *, mapped: bool = False) -> Frame:
     """Segment an image of a sequence and test it against the image before, and those farther back where one is not enough.
 
     Parameters
@@ -254,7 +264,7 @@ def segment_frame(scene: Scene, earlier: Iterable[Earlier], camera: Camera, *, m
     return replace(frame, domain=without_slivers(scene.domain > 0, camera.domain(), frame.mask))
 
 
-def _frame(scene: Scene, views: Iterator[Earlier], camera: Camera, *, mapped: bool) -> Frame:
+def _frame(scene: Scene, views: Iterator[EarlierImage], camera: Camera, *, mapped: bool) -> Frame:
     if (scene.method or row_of(scene.params.method)).altitudes:
         before = next(views, None)
         if before is not None:
@@ -265,13 +275,13 @@ def _frame(scene: Scene, views: Iterator[Earlier], camera: Camera, *, mapped: bo
     return _without_leaks(frame, scene, views, camera)
 
 
-def _without_leaks(frame: Frame, scene: Scene, views: Iterator[Earlier], camera: Camera) -> Frame:
+def _without_leaks(frame: Frame, scene: Scene, views: Iterator[EarlierImage], camera: Camera) -> Frame:
     """The frame with free space cut off that has climbed something upright; poses alone, unconfirmed, cut nothing."""
     if camera.footprint == 0 or frame.motion is None or frame.fit is None:
         return frame
     before = next(view for view in copy(views) if view.name == frame.links[0].name)
     images = grey_image(scene.image), grey_image(before.image)
-    climbed = leaked(frame.standing(), frame.motion, *images, frame.mask)
+    climbed = leaking_pixels(frame.standing(), frame.motion, *images, frame.mask)
     if not climbed.any():
         return frame
     bound = np.where(climbed, np.uint8(0), np.uint8(255) if scene.domain is None else scene.domain)
@@ -279,15 +289,15 @@ def _without_leaks(frame: Frame, scene: Scene, views: Iterator[Earlier], camera:
     cut = free_space(scene.image, again, views, camera, epsilon)
     if cut.motion is None:  # nothing is enclosed any more; the camera moved as it did
         cut = replace(cut, motion=frame.motion, camera=frame.camera, fit=frame.fit, links=frame.links)
-    said = f"{np.count_nonzero(climbed)} px of free space that moved as nothing on the ground does were cut off"
-    return replace(cut, note=f"{cut.note}; {said}", obstacles_ms=frame.obstacles_ms + cut.obstacles_ms)
+    remark = f"{np.count_nonzero(climbed)} px of free space that moved as nothing on the ground does were cut off"
+    return replace(cut, note=f"{cut.note}; {remark}", obstacles_ms=frame.obstacles_ms + cut.obstacles_ms)
 
 
-def _moved(frame: Frame, scene: Scene, earlier: Iterable[Earlier], camera: Camera) -> Frame:
+def _moved(frame: Frame, scene: Scene, earlier: Iterable[EarlierImage], camera: Camera) -> Frame:
     """The frame of an image that encloses nothing, with its motion."""
     begin = perf_counter()
-    scenery = Scenery(frame.mask, (), outer_joints(frame.contours))
-    found = moved(grey_image(scene.image), scenery, earlier, camera, scene.params.obstacles.altitude)
+    segmented = SegmentedImage(frame.mask, (), outer_joints(frame.contours))
+    found = window_motion(grey_image(scene.image), segmented, earlier, camera, scene.params.obstacles.altitude)
     pair, spent = found.pair, (perf_counter() - begin) * 1e3
     return replace(
         frame, motion=pair.motion, note=pair.note, camera=pair.camera, fit=pair.fit, links=found.links,
@@ -295,7 +305,7 @@ def _moved(frame: Frame, scene: Scene, earlier: Iterable[Earlier], camera: Camer
     )  # fmt: skip
 
 
-def _frame_by_altitudes(scene: Scene, before: Earlier, camera: Camera) -> Frame:
+def _frame_by_altitudes(scene: Scene, before: EarlierImage, camera: Camera) -> Frame:
     """Frame of a pair by a method whose own term (Eq. 11) stands for the structural test.
 
     It runs twice: without the term, for the ground that the motion is read off, then with it.
@@ -304,22 +314,22 @@ def _frame_by_altitudes(scene: Scene, before: Earlier, camera: Camera) -> Frame:
     previous, current = grey_image(before.image), grey_image(scene.image)
     camera.check_size(previous.shape[1], previous.shape[0], "the previous image")
     first = segment(replace(scene, callback=None))
-    chosen = pair_motion(camera, (previous, current), before.poses, Scenery(first.mask), epsilon)
-    rows, said = scene.altitudes, "the snake ran without its altitude term"
+    chosen = pair_motion(camera, (previous, current), before.poses, SegmentedImage(first.mask), epsilon)
+    rows, remark = scene.altitudes, "the snake ran without its altitude term"
     if chosen.motion is not None:
         points = altitude_points(ImagePair(current, previous, chosen.camera or camera, chosen.motion), epsilon)
-        rows, said = points.rows, f"{points.low} points let the snake pass, {len(points.rows) - points.low} bar it"
+        rows, remark = points.rows, f"{points.low} points let the snake pass, {len(points.rows) - points.low} bar it"
     second = segment(replace(scene, altitudes=rows))
     spent = (first.timings, second.timings)
     timings = Timings(second.timings.edges_ms, sum(t.evolve_ms for t in spent), sum(t.total_ms for t in spent))
     frame = free_space(scene.image, replace(second, timings=timings), (), camera, epsilon)
     matched_ms = (perf_counter() - begin) * 1e3 - timings.total_ms
-    asked = chosen.motion is not None
-    return replace(frame, motion=chosen.motion, note=f"{chosen.note}; {said}", obstacles_ms=matched_ms, tested=asked)
+    tested = chosen.motion is not None
+    return replace(frame, motion=chosen.motion, note=f"{chosen.note}; {remark}", obstacles_ms=matched_ms, tested=tested)
 
 
 def free_space(
-    current: Grey, segmentation: Segmentation, earlier: Iterable[Earlier], camera: Camera, epsilon: float
+    current: Grey, segmentation: Segmentation, earlier: Iterable[EarlierImage], camera: Camera, epsilon: float
 ) -> Frame:
     """The structural test on a segmented image: a pure function of the images, the camera and the poses.
 
@@ -342,8 +352,8 @@ def free_space(
     begin = perf_counter()
     inner, components = contour_components(segmentation.contours, segmentation.mask.shape)
     others = [contour for place, contour in enumerate(segmentation.contours) if place not in inner]
-    scenery = Scenery(segmentation.mask, components, outer_joints(others))
-    found = judged(grey_image(current), scenery, earlier, camera, epsilon)
+    segmented = SegmentedImage(segmentation.mask, components, outer_joints(others))
+    found = window_verdicts(grey_image(current), segmented, earlier, camera, epsilon)
     bare = Frame(
         segmentation.mask, segmentation.contours, (), found.rows, segmentation, found.pair.motion, found.pair.note, 0.0,
         found.pair.camera, found.pair.fit, found.tested, found.links, found.pair.contradicted, found.samples, camera,
@@ -420,7 +430,7 @@ class Sequence:
             raise ParameterError("domain.masks finds masks by the names of files; name one of all images: domain.mask")
         self._masks = named_masks(chosen)
         self._earlier: deque[tuple[str, Grey, Pose | None]] = deque(maxlen=WINDOW)
-        self._tracks = Tracks(WINDOW + 1)
+        self._tracks = ObstacleTracks(WINDOW + 1)
         self._paint: dict[int, str] = {}
         self._count = 0
 
@@ -452,7 +462,7 @@ class Sequence:
         name, self._count = str(self._count), self._count + 1
         window = list(self._earlier)
         self._earlier.appendleft((name, grey_image(pixels).copy(), pose))  # the caller's buffer may take the next
-        views = [Earlier(one, _both(before, pose), number) for number, one, before in window]
+        views = [EarlierImage(one, _both(before, pose), number) for number, one, before in window]
         scene = Scene(pixels, self._params, **self._masks.bounds)
         frame = segment_frame(scene, views, self._camera, mapped=self._mapped)
         return self._followed(frame, name, pose, window)

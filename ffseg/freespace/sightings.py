@@ -141,20 +141,20 @@ def read_cells(seen: Sighting, lens: Camera, window: Window, reach: float) -> tu
     shown = lens.domain() if seen.domain is None else seen.domain | seen.mask
     inside = 255 * (seen.mask >= shown).view(np.uint8)  # where the view or the domain ends is no outline
     pixels = [window.laid(table, lens)]
-    told = window.within() & (read_at(shown.view(np.uint8), *pixels[0][:2], nearest=True) > 0)
+    covered = window.within() & (read_at(shown.view(np.uint8), *pixels[0][:2], nearest=True) > 0)
     if station.sigma_m + reach * station.sigma_rad >= STILL * window.step[0]:
         around = CORNERS * [station.sigma_m, station.sigma_m, station.sigma_rad]
         beside = [
             replace(station, x=station.x + x, y=station.y + y, theta=station.theta + turn) for x, y, turn in around
         ]
         pixels = [replace(window, station=one).laid(table, lens) for one in beside]
-    (free, often), chances = np.zeros((2, *told.shape), np.float32), _chances()
+    (free, often), chances = np.zeros((2, *covered.shape), np.float32), _chances()
     for one in pixels:
         own = read_at(inside, *one[:2])
         most = np.maximum(own, read_at(inside, *one[2:]))
         often += most > HALF
         free += np.where(most > HALF, of_shares(own, most, chances), np.float32(0.5))
-    return told & (2 * often > len(pixels)), free / np.float32(len(pixels))
+    return covered & (2 * often > len(pixels)), free / np.float32(len(pixels))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

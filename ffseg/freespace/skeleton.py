@@ -351,5 +351,5 @@ def _feature(kind: str, coordinates: object, properties: dict[str, object]) -> d
 
 
 def _data(**values: float | str) -> str:
-    told = {key: value if isinstance(value, str) else f"{value:.3f}" for key, value in values.items()}
-    return "".join(f'<data key="{key}">{value}</data>' for key, value in told.items())
+    texts = {key: value if isinstance(value, str) else f"{value:.3f}" for key, value in values.items()}
+    return "".join(f'<data key="{key}">{value}</data>' for key, value in texts.items())

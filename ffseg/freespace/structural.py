@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ffseg.freespace.corners import Matches, match_corners
 from ffseg.freespace.motion.ground import GroundFit, shared_doubt
 from ffseg.freespace.outlines import outline_votes
-from ffseg.freespace.pairs import CONFIDENT, ImagePair, sway_of
+from ffseg.freespace.pairs import CONFIDENT, ImagePair, motion_uncertainty
 from ffseg.image.components import Component
 from ffseg.image.interest import InterestPoints
 from ffseg.image.keypoints import Array
@@ -124,28 +124,28 @@ def structural_test(
     places = [component.centroid for component in components]
     areas = [component.area for component in components]
     large = np.array(areas, np.intp) >= LEAST_AREA
-    sway = sway_of(pair, np.array(places).reshape(-1, 2), doubt, fit)
-    votes = _corner_votes(match_corners(pair, components, epsilon, sway, corners), len(components), epsilon)
+    uncertainty = motion_uncertainty(pair, np.array(places).reshape(-1, 2), doubt, fit)
+    votes = _corner_votes(match_corners(pair, components, epsilon, uncertainty, corners), len(components), epsilon)
     flat, raised = np.zeros((2, len(components)), np.intp)
-    asked = np.flatnonzero(votes.on_ground).tolist()
-    own = [components[place] for place in asked]
-    flat[asked], raised[asked] = outline_votes(pair, own, epsilon, sway.of(asked), samples)
+    on_ground = np.flatnonzero(votes.on_ground).tolist()
+    own = [components[place] for place in on_ground]
+    flat[on_ground], raised[on_ground] = outline_votes(pair, own, epsilon, uncertainty.of(on_ground), samples)
     spoken = (flat >= LEAST_FLAT) | ((flat >= 2) & (raised == 0) & (votes.high == 0) & (flat + votes.low >= LEAST_BOTH))
     merged = large & votes.on_ground & doubt.known & spoken & (raised <= MOST_RAISED * (flat + raised))
-    told = large & doubt.known & (votes.matched > 0)
-    stands = told & ((votes.high >= 2) | (raised > np.maximum(LEAST_FLAT, MOST_RAISED * (flat + raised))))
+    tested = large & doubt.known & (votes.matched > 0)
+    stands = tested & ((votes.high >= 2) | (raised > np.maximum(LEAST_FLAT, MOST_RAISED * (flat + raised))))
     return tuple(
         ComponentVerdict(
             component.index, areas[place], *places[place],
             int(votes.matched[place]), float(votes.highest[place]),
-            "false_obstacle" if merged[place] else "obstacle" if told[place] else "untested",
+            "false_obstacle" if merged[place] else "obstacle" if tested[place] else "untested",
             int(flat[place]), int(raised[place]), bool(merged[place] | stands[place] | ~large[place]),
         )
         for place, component in enumerate(components)
     )  # fmt: skip
 
 
-def untested(components: Sequence[Component]) -> tuple[ComponentVerdict, ...]:
+def untested_verdicts(components: Sequence[Component]) -> tuple[ComponentVerdict, ...]:
     """Rows of components that nothing could be matched for."""
     return tuple(ComponentVerdict(c.index, c.area, *c.centroid, 0, float("nan"), "untested", 0, 0) for c in components)
 

@@ -14,14 +14,14 @@ NEAR = 0.25
 a box shifts with the view by up to its height over the camera's."""
 
 
-def moved(places: Array, planar: Sequence[float]) -> Array:
+def in_earlier_frame(places: Array, planar: Sequence[float]) -> Array:
     """Ground places of the current image, shape (n, 2), in the earlier image's levelled camera frame."""
     c, s = np.cos(planar[2]), np.sin(planar[2])
     result: Array = places @ np.array([[c, s], [-s, c]]) + np.asarray(planar[:2], np.float64)
     return result
 
 
-def linked(now: Array, before: Array) -> list[int]:
+def associate(now: Array, before: Array) -> list[int]:
     """For each place of now that of before which is the same thing, or -1.
 
     Parameters
@@ -42,7 +42,7 @@ def linked(now: Array, before: Array) -> list[int]:
     return [int(nearest[i]) if back[nearest[i]] == i and apart[i, nearest[i]] < NEAR else -1 for i in rows]
 
 
-class Tracks:
+class ObstacleTracks:
     """Numbers for things along a sequence.
 
     Numbers count from 0 in the order in which things are first seen; nothing is given a number again.
@@ -73,7 +73,7 @@ class Tracks:
         for before, planar in links:
             if before in self._seen and len(places):
                 old, known = self._seen[before]
-                partners = linked(moved(places, planar), old)
+                partners = associate(in_earlier_frame(places, planar), old)
                 numbers = [known[partner] if partner >= 0 else -1 for partner in partners]
                 break
         for index, number in enumerate(numbers):
@@ -88,7 +88,7 @@ class Tracks:
 Line = Mapping[str, Any]
 
 
-def numbered(order: Iterable[str], lines: Mapping[str, Sequence[Line]]) -> dict[str, list[dict[str, Any]]]:
+def with_track_numbers(order: Iterable[str], lines: Mapping[str, Sequence[Line]]) -> dict[str, list[dict[str, Any]]]:
     """Lines of ``obstacles.csv`` by image, each with the number of its thing as ``track``.
 
     Parameters
@@ -102,7 +102,7 @@ def numbered(order: Iterable[str], lines: Mapping[str, Sequence[Line]]) -> dict[
     -----
     Images are judged one by one, in any order and on any number of workers; only the numbers need them all.
     """
-    tracks, found = Tracks(), {}
+    tracks, found = ObstacleTracks(), {}
     for name in order:
         own = lines.get(name, ())
         places = np.array([[_number(line["ground_x_m"]), _number(line["ground_y_m"])] for line in own]).reshape(-1, 2)

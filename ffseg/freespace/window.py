@@ -10,10 +10,10 @@ import numpy as np
 
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Pose, ground_points, planar_parameters
+from ffseg.freespace.motion.candidates import SegmentedImage, ground_candidates
 from ffseg.freespace.motion.egomotion import PairMotion, pair_motion
-from ffseg.freespace.motion.evidence import Scenery, gathered
 from ffseg.freespace.pairs import ImagePair
-from ffseg.freespace.structural import ComponentVerdict, structural_test, untested
+from ffseg.freespace.structural import ComponentVerdict, structural_test, untested_verdicts
 from ffseg.image.keypoints import Array, Grey, grey_image
 from ffseg.image.planes import pixel_noise
 
@@ -29,7 +29,7 @@ NOTHING_ENCLOSED = "no enclosed component to test"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Earlier:
+class EarlierImage:
     """An image before the current one.
 
     Attributes
@@ -77,7 +77,7 @@ class Link:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Judged:
+class WindowVerdicts:
     """What the earlier images say.
 
     Attributes
@@ -100,7 +100,9 @@ class Judged:
     samples: Array = field(default_factory=lambda: NO_SAMPLES)
 
 
-def judged(current: Grey, scenery: Scenery, earlier: Iterable[Earlier], camera: Camera, epsilon: float) -> Judged:
+def window_verdicts(
+    current: Grey, segmented: SegmentedImage, earlier: Iterable[EarlierImage], camera: Camera, epsilon: float
+) -> WindowVerdicts:
     """Verdicts on the components of an image.
 
     Parameters
@@ -116,8 +118,8 @@ def judged(current: Grey, scenery: Scenery, earlier: Iterable[Earlier], camera: 
     CalibrationError
         When an earlier image has another size, or the camera file no mount_height.
     """
-    components = scenery.components
-    rows = untested(components)
+    components = segmented.components
+    rows = untested_verdicts(components)
     first: PairMotion | None = None
     links: list[Link] = []
     still: list[Link] = []
@@ -125,55 +127,59 @@ def judged(current: Grey, scenery: Scenery, earlier: Iterable[Earlier], camera: 
     views = iter(earlier)
     nearest = next(views, None)
     if nearest is None or not components:
-        return Judged(_placed(rows, camera), PairMotion(None, FIRST_IMAGE if nearest is None else NOTHING_ENCLOSED))
-    noise, evidence = pixel_noise(current, scenery.free), gathered(camera, current, scenery)
+        return WindowVerdicts(
+            _placed(rows, camera), PairMotion(None, FIRST_IMAGE if nearest is None else NOTHING_ENCLOSED)
+        )
+    noise, candidates = pixel_noise(current, segmented.free), ground_candidates(camera, current, segmented)
     for view in itertools.chain([nearest], views):
         camera.check_size(view.image.shape[1], view.image.shape[0], "the previous image")
         before = grey_image(view.image)
-        chosen = pair_motion(camera, (before, current), view.poses, scenery, epsilon, evidence)
-        if first is None or (first.motion is None and chosen.motion is not None):
-            first = chosen if first is None else replace(chosen, note=f"{first.note}; {view.name}: {chosen.note}")
-        if chosen.contradicted:
+        pair = pair_motion(camera, (before, current), view.poses, segmented, epsilon, candidates)
+        if first is None or (first.motion is None and pair.motion is not None):
+            first = pair if first is None else replace(pair, note=f"{first.note}; {view.name}: {pair.note}")
+        if pair.contradicted:
             break
-        if chosen.motion is None:
-            still += _links(view.name, camera, chosen.still)
+        if pair.motion is None:
+            still += _links(view.name, camera, pair.still)
             continue
-        own = chosen.camera or camera
-        seen = ImagePair(current, before, own, chosen.motion, noise)
+        own = pair.camera or camera
+        seen = ImagePair(current, before, own, pair.motion, noise)
         found = _placed(
-            structural_test(seen, components, epsilon, chosen.fit, samples, evidence.corners), own, view.name
+            structural_test(seen, components, epsilon, pair.fit, samples, candidates.corners), own, view.name
         )
         rows = tuple(map(_better, rows, found))
-        links += _links(view.name, camera, chosen)
+        links += _links(view.name, camera, pair)
         if len(links) == MOST_ASKED or all(row.decided for row in rows):
             break
     rows = rows if links else _placed(rows, camera)
-    told = tuple(links or still[:1])
-    return Judged(rows, first or PairMotion(None, NOTHING_ENCLOSED), bool(links), told, np.concatenate(samples))
+    used = tuple(links or still[:1])
+    return WindowVerdicts(rows, first or PairMotion(None, NOTHING_ENCLOSED), bool(links), used, np.concatenate(samples))
 
 
-def moved(current: Grey, scenery: Scenery, earlier: Iterable[Earlier], camera: Camera, epsilon: float) -> Judged:
+def window_motion(
+    current: Grey, segmented: SegmentedImage, earlier: Iterable[EarlierImage], camera: Camera, epsilon: float
+) -> WindowVerdicts:
     """The motion of an image that encloses nothing: no verdict needs it, but a map does.
 
     Parameters
     ----------
     current, scenery, earlier, camera, epsilon
-        As `judged` takes them; ``MOST_ASKED`` images are asked at most.
+        As `window_verdicts` takes them; ``MOST_ASKED`` images are asked at most.
 
     Raises
     ------
     CalibrationError
         When an earlier image has another size.
     """
-    evidence, note = gathered(camera, current, scenery), NOTHING_ENCLOSED
+    candidates, note = ground_candidates(camera, current, segmented), NOTHING_ENCLOSED
     for view in itertools.islice(earlier, MOST_ASKED):
         camera.check_size(view.image.shape[1], view.image.shape[0], "the previous image")
-        chosen = pair_motion(camera, (grey_image(view.image), current), view.poses, scenery, epsilon, evidence)
-        note = f"{NOTHING_ENCLOSED}; {chosen.note}"
-        links = _links(view.name, camera, chosen if chosen.motion is not None else chosen.still)
-        if links or chosen.contradicted:
-            return Judged((), replace(chosen, note=note), links=tuple(links))
-    return Judged((), PairMotion(None, note))
+        pair = pair_motion(camera, (grey_image(view.image), current), view.poses, segmented, epsilon, candidates)
+        note = f"{NOTHING_ENCLOSED}; {pair.note}"
+        links = _links(view.name, camera, pair if pair.motion is not None else pair.still)
+        if links or pair.contradicted:
+            return WindowVerdicts((), replace(pair, note=note), links=tuple(links))
+    return WindowVerdicts((), PairMotion(None, note))
 
 
 def _better(old: ComponentVerdict, new: ComponentVerdict) -> ComponentVerdict:

@@ -43,12 +43,12 @@ def winding_numbers(patches: Points, points: ArrayLike) -> Counts:
     by its ends; any other is halved until it is its chord, so the curve is located as exactly as float64 can. Degree 1
     is exact.
     """
-    asked = np.asarray(points, dtype=np.float64)
-    flat = asked.reshape(-1, 2)
+    places = np.asarray(points, dtype=np.float64)
+    flat = places.reshape(-1, 2)
     batch = max(1, _PAIRS_AT_ONCE // max(len(patches), 1))
     count = _count_edges if patches.shape[1] == 2 else _count
     parts = [count(patches, flat[i : i + batch]) for i in range(0, len(flat), batch)]
-    return np.concatenate([np.empty(0, np.int64), *parts]).reshape(asked.shape[:-1])
+    return np.concatenate([np.empty(0, np.int64), *parts]).reshape(places.shape[:-1])
 
 
 def _count(patches: Points, points: Points) -> Counts:

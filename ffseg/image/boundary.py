@@ -53,7 +53,7 @@ class Boundary:
     def __init__(self, contours: tuple[FreeForm, ...] | None, edges: EdgeMap) -> None:
         self._contours, self._edges = contours or (), edges
         gradients = _core.gradients_at(packed_joints(self._contours)[0], edges.gradient, edges.domain, MARGIN)
-        self.strength = gradients / needed(edges)
+        self.strength = gradients / high_threshold(edges)
 
     def is_clear(self, least: float = 0.0, share: float | None = None) -> bool:
         """Whether it stands on edges that nobody would doubt.
@@ -89,7 +89,7 @@ class Boundary:
     def _is_plain(self) -> bool:
         inside = rasterize(self._contours, self._edges.gradient.shape)[::SAMPLE, ::SAMPLE]
         levels = self._edges.gradient[::SAMPLE, ::SAMPLE][inside]
-        return len(levels) > 0 and float(np.quantile(levels, 0.9)) <= PLAIN * needed(self._edges)
+        return len(levels) > 0 and float(np.quantile(levels, 0.9)) <= PLAIN * high_threshold(self._edges)
 
 
 def unless_faint(edges: EdgeMap, least: float) -> Callable[[Any], None]:
@@ -109,6 +109,6 @@ def unless_faint(edges: EdgeMap, least: float) -> Callable[[Any], None]:
     return watch
 
 
-def needed(edges: EdgeMap) -> float:
+def high_threshold(edges: EdgeMap) -> float:
     """The high threshold in units of the stored gradient."""
     return max(edges.thresholds[1] * GRADIENT_SCALE, 1.0)

@@ -20,7 +20,7 @@ Pixels = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.floating[Any]]
 """What `taken_image` takes."""
 
 
-def scaled(image: NDArray[Any], levels: tuple[float, float]) -> NDArray[np.uint8]:
+def to_8_bits(image: NDArray[Any], levels: tuple[float, float]) -> NDArray[np.uint8]:
     """The image as 8 bits, with the level of black as 0 and that of white as 255, rounded; what lies beyond is cut."""
     low, high = levels
     share = (np.clip(image, low, high) - low).astype(np.float32) * np.float32(255 / (high - low))
@@ -51,7 +51,7 @@ def taken_image(image: object, rgb: bool = False, levels: Levels = "auto") -> ND
         raise SegmentationError(f'levels: {reprlib.repr(levels)} is not "auto" or (black, white), black below white')
     if isinstance(image, np.ndarray) and image.size:
         if ends is not None and image.dtype.kind in "iuf" and image.dtype != np.uint8 and np.isfinite(image).all():
-            image = scaled(image, ends)
+            image = to_8_bits(image, ends)
         elif image.dtype.kind == "u" and image.dtype.itemsize == 2:
             image = (image >> 8).astype(np.uint8)
         elif image.dtype.kind == "f" and image.min() >= 0 and image.max() <= 1:
@@ -63,8 +63,8 @@ def taken_image(image: object, rgb: bool = False, levels: Levels = "auto") -> ND
 def ends_of(levels: object) -> tuple[float, float] | None:
     """Black and white, the one below the other; None of what is no such pair."""
     ends = np.asarray(levels)
-    told = ends.dtype.kind in "iuf" and ends.shape == (2,) and -np.inf < ends[0] < ends[1] < np.inf
-    return (float(ends[0]), float(ends[1])) if told else None
+    valid = ends.dtype.kind in "iuf" and ends.shape == (2,) and -np.inf < ends[0] < ends[1] < np.inf
+    return (float(ends[0]), float(ends[1])) if valid else None
 
 
 def refuse_masked(name: str, values: object) -> None:

@@ -42,7 +42,7 @@ class EdgeMap:
     kept : ndarray of bool, shape (H, W), or None
         Where clicks correct what a model or a map says: the region it tells, but for what clicks take away.
     trial : tuple, optional
-        Where the source has asked for a contour: this map, and what it found (`ffseg.contour.tried`). It counts for no
+        Where the source has asked for a contour: this map, and what it found (`ffseg.contour.trial_result`). It counts for no
         other map, image or method.
 
     References
@@ -97,9 +97,9 @@ def require_edges(edges: EdgeMap, shape: tuple[int, ...]) -> None:
         if plane is None and name not in ("edges", "gradient"):
             continue
         if not isinstance(plane, np.ndarray) or plane.dtype not in map(np.dtype, kinds.split()) or plane.ndim != 2:
-            given = f"{plane.dtype} of shape {plane.shape}" if isinstance(plane, np.ndarray) else type(plane).__name__
+            found = f"{plane.dtype} of shape {plane.shape}" if isinstance(plane, np.ndarray) else type(plane).__name__
             raise SegmentationError(
-                f"the edge map's {name} is {given}; give {np.dtype(kinds.split()[0])} of shape (H, W)"
+                f"the edge map's {name} is {found}; give {np.dtype(kinds.split()[0])} of shape (H, W)"
             )
         require_size("the edge map", plane, shape, "give the map of this image")
     if not ((edges.edges == 0) | (edges.edges == MARKED)).all():

@@ -14,7 +14,7 @@ DARKEST, HAZE = 0.01, (0.4, 0.6)
 haze or stray light over the whole picture, and is taken off."""
 
 
-def exposed(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def normalised_exposure(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """The image without haze and with its mean level brought to `MIDDLE`, as another exposure would have given it."""
     counts = np.bincount(image[::EVERY, ::EVERY].ravel(), minlength=256)
     darkest = float(np.searchsorted(np.cumsum(counts), DARKEST * counts.sum()))

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ffseg.image.free import distances
 from ffseg.image.keypoints import grey_image
-from ffseg.image.parts import holding
+from ffseg.image.parts import parts_holding
 
 Image = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
@@ -19,7 +19,7 @@ _LEAST = 64
 """Pixels a side: with less than 12 OpenCV's flow refuses, with 24 beside 400 it reads what is not there."""
 
 
-def carried(before: Image, now: Image, region: Mask) -> Mask:
+def warped_region(before: Image, now: Image, region: Mask) -> Mask:
     """A region of the frame before, where the motion between the two frames takes it.
 
     Parameters
@@ -43,7 +43,7 @@ def carried(before: Image, now: Image, region: Mask) -> Mask:
     return np.asarray(share >= 0.5)
 
 
-def steadied(own: Mask, before: Mask) -> Mask:
+def steadied_region(own: Mask, before: Mask) -> Mask:
     """A frame's own region with its boundary half-way to that carried from the frame before, where they lie close.
 
     What lies further than `BAND` from either boundary is the frame's own affair, and so is every hole of it.
@@ -88,4 +88,4 @@ def _holes(region: Mask) -> Mask:
     """Pixels outside that do not reach the border of the image."""
     rim = np.zeros_like(region)
     rim[[0, -1]] = rim[:, [0, -1]] = True
-    return ~region & ~holding(~region, rim, corners=True)
+    return ~region & ~parts_holding(~region, rim, corners=True)

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.image.parts import parts
+from ffseg.image.parts import connected_parts
 
 SLIVER = 5
 """Most pixels by which an outline stays away from a domain's corners: all of 1343 rays that end at drawn masts in a room."""
@@ -78,18 +78,18 @@ def nearest_outside(mask: Mask) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
     return np.where(mask, exact, 0.0).astype(np.float32), found
 
 
-def ground_under(free: Mask, region: Mask) -> Mask | None:
+def free_part_under(free: Mask, region: Mask) -> Mask | None:
     """The connected free pixels that hold most of a region, or None where none of the region is free."""
-    labels = parts(free).labels
+    labels = connected_parts(free).labels
     counts = np.bincount(labels[region & free])
     return None if not len(counts) else np.asarray(labels == int(counts.argmax()), np.bool_)
 
 
 def open_sides(free: Mask) -> NDArray[np.int32]:
-    """Number of the connected free ground that a pixel belongs to; 0 where none is, or it is narrower than two pixels."""
+    """Number of the connected free part that a pixel belongs to; 0 where none is, or it is narrower than two pixels."""
     square = np.ones((2, 2), np.uint8)
     fits = cv2.erode(free.astype(np.uint8), square, anchor=(0, 0))  # squares by their upper left pixels
-    return parts(np.asarray(cv2.dilate(fits, square, anchor=(1, 1)), np.uint8)).labels
+    return connected_parts(np.asarray(cv2.dilate(fits, square, anchor=(1, 1)), np.uint8)).labels
 
 
 def distances(mask: Mask) -> NDArray[np.float32]:

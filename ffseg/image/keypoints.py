@@ -143,7 +143,7 @@ def align_patches(
     return Alignments(out[:, :2].copy(), out[:, 2].copy(), information / variance[:, None, None], noise)
 
 
-def limited(information: Array, finest: float) -> Array:
+def limited_information(information: Array, finest: float) -> Array:
     """Information, shape (n, 2, 2), of positions whose standard deviation is at least ``finest`` in every direction.
 
     Notes

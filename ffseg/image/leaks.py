@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion
 from ffseg.image.keypoints import Array, Grey, Mask, plane_pixels
-from ffseg.image.parts import holding
+from ffseg.image.parts import parts_holding
 from ffseg.image.planes import CLEAR, pixel_noise
 
 STEP = 4
@@ -37,7 +37,7 @@ HIDERS = np.array([-1e3, -8, -4, -2.5, -1.7, -1.2, -0.8, -0.5, -0.3, -0.15, 0, 0
 """Altitudes, metres, at which what is not free may have stood before the ground: reflections lie below it."""
 
 
-def leaked(camera: Camera, motion: Motion, current: Grey, previous: Grey, free: Mask) -> Mask:
+def leaking_pixels(camera: Camera, motion: Motion, current: Grey, previous: Grey, free: Mask) -> Mask:
     """Free pixels that contradict the ground's motion, shape (H, W).
 
     Parameters
@@ -57,23 +57,23 @@ def leaked(camera: Camera, motion: Motion, current: Grey, previous: Grey, free: 
     places = np.stack([column, row], axis=-1).astype(np.float64)
     inside = free[row, column]
     away = np.hypot(*np.moveaxis(places - camera.center, -1, 0))
-    asked = inside & (away > camera.robot_radius + CLEAR)
+    looked_at = inside & (away > camera.robot_radius + CLEAR)
     solid = places[camera.domain()[row, column] & ~inside]
-    then = np.swapaxes(_finite(plane_pixels(camera, motion, places[asked], RAISED)), 0, 1)
+    then = np.swapaxes(_finite(plane_pixels(camera, motion, places[looked_at], RAISED)), 0, 1)
     hidden = _hidden(camera, motion, solid, inside.shape)
     seen = _shown(camera, then[0]) & ~_read(hidden, (then[0] - STEP // 2) / STEP)
-    steps = _steps((current, previous), free, (row[asked], column[asked]), then)
-    near = seen & (away[asked] <= np.quantile(away[asked][seen], UNDER_THE_ROBOT)) if seen.any() else seen
+    steps = _steps((current, previous), free, (row[looked_at], column[looked_at]), then)
+    near = seen & (away[looked_at] <= np.quantile(away[looked_at][seen], UNDER_THE_ROBOT)) if seen.any() else seen
     if not near.any() or np.median(steps[0, near]) > LIKELY:
         return np.zeros_like(free)
     steps = np.where(np.array([_shown(camera, one) for one in then]), steps, MOST)
-    told = np.zeros((len(RAISED) + 1, *inside.shape), np.float32)
-    told[:, asked] = np.where(seen, np.vstack([steps, np.ones_like(steps[:1])]), 0.0)
-    *deviations, known = told
-    ground, *upright = (_mean(one, known, WINDOW) for one in deviations)
+    sums = np.zeros((len(RAISED) + 1, *inside.shape), np.float32)
+    sums[:, looked_at] = np.where(seen, np.vstack([steps, np.ones_like(steps[:1])]), 0.0)
+    *deviations, counts = sums
+    ground, *upright = (_mean(one, counts, WINDOW) for one in deviations)
     likely = _opened((ground > LIKELY) & inside, 5)
     sure = (ground > SURE) & (np.min(upright, axis=0) < BETTER * ground)
-    found = holding(likely, sure, corners=True) & (_mean(deviations[0], known, NARROW) > LIKELY)
+    found = parts_holding(likely, sure, corners=True) & (_mean(deviations[0], counts, NARROW) > LIKELY)
     size = free.shape[::-1]
     whole = cv2.resize(_opened(found, 3).astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
     climbed: Mask = np.asarray(whole, np.bool_) & free
@@ -92,8 +92,8 @@ def _steps(
     step = cv2.remap(previous, x, y, cv2.INTER_LINEAR) - current[places]
     slope = sum(part[places] ** 2 for part in np.gradient(current))
     noise = SMOOTHED_NOISE * pixel_noise(images[0], free)
-    told: NDArray[np.float32] = np.minimum(step**2 / (noise**2 + SLOPE_PX**2 * slope + ROUNDING**2), MOST)
-    return told
+    sums: NDArray[np.float32] = np.minimum(step**2 / (noise**2 + SLOPE_PX**2 * slope + ROUNDING**2), MOST)
+    return sums
 
 
 def _hidden(camera: Camera, motion: Motion, solid: Array, shape: tuple[int, ...]) -> Mask:
@@ -128,11 +128,11 @@ def _finite(pixels: Array) -> Array:
     return finite
 
 
-def _mean(values: NDArray[np.float32], known: NDArray[np.float32], width: int) -> NDArray[np.float32]:
+def _mean(values: NDArray[np.float32], counts: NDArray[np.float32], width: int) -> NDArray[np.float32]:
     """Means over windows of what is known, toward 0 where too little is."""
     total, count = (
         cv2.boxFilter(one, -1, (width, width), normalize=False, borderType=cv2.BORDER_CONSTANT)
-        for one in (values, known)
+        for one in (values, counts)
     )
     return np.asarray(total / np.maximum(count, LEAST_SEEN * width * width), np.float32)
 

@@ -42,7 +42,7 @@ STEPS, GAIN = 8, 1.5
 interpolation leaves a quarter of the finest pattern each way."""
 
 
-def magnified(image: Image, most: float = FACTORS[0]) -> tuple[int, Image]:
+def magnification(image: Image, most: float = FACTORS[0]) -> tuple[int, Image]:
     """The whole factor, at most `most`, by which a picture has been enlarged, and what it was before; 1 and itself if by none.
 
     Parameters
@@ -65,12 +65,12 @@ def magnified(image: Image, most: float = FACTORS[0]) -> tuple[int, Image]:
     plane = image if image.ndim == 2 else image[..., 1]
     rows = _liveliest(plane)
     for factor in factors:
-        amiss = _amiss(rows, factor)
-        if min(amiss) <= CUT:
-            amiss = list(map(max, amiss, _amiss(_liveliest(plane.T), factor)))
-        if min(amiss) <= CUT:
-            kind = KINDS[amiss.index(min(amiss))]
-            before = _before(image, factor, kind)
+        residuals = _residuals(rows, factor)
+        if min(residuals) <= CUT:
+            residuals = list(map(max, residuals, _residuals(_liveliest(plane.T), factor)))
+        if min(residuals) <= CUT:
+            kind = KINDS[residuals.index(min(residuals))]
+            before = _reduced(image, factor, kind)
             made = cv2.resize(before, (width, height), interpolation=kind)
             unlike = np.count_nonzero(cv2.absdiff(image[:, factor:], image[:, :-factor]) > ROUNDED)
             if np.count_nonzero(cv2.absdiff(image, made) > ROUNDED) <= DIFFERENT * unlike:
@@ -84,13 +84,13 @@ def _liveliest(plane: Image) -> NDArray[np.float32]:
     return _core.liveliest_lines(plane, LINES, step, SKIPPED).reshape(-1, plane.shape[1])
 
 
-def _amiss(lines: NDArray[np.float32], factor: int) -> list[float]:
+def _residuals(lines: NDArray[np.float32], factor: int) -> list[float]:
     """The share of pixels in some lines that each kind cannot make between fewer."""
-    return _core.lines_amiss(lines, _rest(factor), factor, ROUNDED, CUT)
+    return _core.lines_amiss(lines, _residual_matrix(factor), factor, ROUNDED, CUT)
 
 
 @cache
-def _rest(factor: int) -> NDArray[np.float32]:
+def _residual_matrix(factor: int) -> NDArray[np.float32]:
     """What takes from a line of pixels all that each kind of interpolation between fewer can make, shape (L, kinds * L)."""
     knots, cut = KNOTS + 2 * BESIDE, slice(BESIDE * factor, -BESIDE * factor)
     found = []
@@ -101,7 +101,7 @@ def _rest(factor: int) -> NDArray[np.float32]:
     return np.concatenate(found, axis=1).astype(np.float32)
 
 
-def _before(image: Image, factor: int, kind: int) -> Image:
+def _reduced(image: Image, factor: int, kind: int) -> Image:
     """The picture whose enlargement comes nearest to this one."""
     size = image.shape[1::-1]
     less = (size[0] // factor, size[1] // factor)

@@ -108,8 +108,10 @@ def map_of(image: NDArray[np.uint8], net: Net, params: Network) -> NDArray[np.fl
         net.setInput(cv2.dnn.blobFromImage(colour, params.scale, size, mean, swapRB=params.rgb))
         found = np.asarray(net.forward() if params.output == "last" else net.forward(params.output), np.float32)
     except cv2.error as error:
-        said = " ".join(str(error).split())[:160]
-        raise ValueError(f"it cannot be run on this image ({said}); check network.size and network.output") from error
+        sentence = " ".join(str(error).split())[:160]
+        raise ValueError(
+            f"it cannot be run on this image ({sentence}); check network.size and network.output"
+        ) from error
     plane = _plane(found, params)
     scaled = cv2.resize(plane, (width, height), interpolation=cv2.INTER_LINEAR)
     return np.ascontiguousarray(np.clip(scaled, 0, 1), np.float32)

@@ -72,13 +72,13 @@ def grabcut(image: Image, seeds: Mask, params: GrabCut) -> Mask:
     outside = np.ones(seeds.shape, np.bool_)
     outside[1:-1, 1:-1] = False
     outside &= ~seeds
-    likely = near(seeds, params.probable) | seeds
+    likely = near_start(seeds, params.probable) | seeds
     if (likely & ~outside).all():
         raise SegmentationError("the start leaves no pixel outside to learn from; change init.radius")
-    return connected(cut(image, likely, outside, params.iterations, seeds), seeds)
+    return connected(grabcut_mask(image, likely, outside, params.iterations, seeds), seeds)
 
 
-def cut(image: Image, likely: Mask, outside: Mask, iterations: int, inside: Mask | None = None) -> Mask:
+def grabcut_mask(image: Image, likely: Mask, outside: Mask, iterations: int, inside: Mask | None = None) -> Mask:
     """What ``cv2.grabCut`` finds inside, told what likely is, what is outside and what is inside; there must be both sides."""
     colour = image if image.ndim == 3 else cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
     labels = np.where(outside, cv2.GC_BGD, np.where(likely, cv2.GC_PR_FGD, cv2.GC_PR_BGD)).astype(np.uint8)
@@ -91,7 +91,7 @@ def cut(image: Image, likely: Mask, outside: Mask, iterations: int, inside: Mask
     return found
 
 
-def near(seeds: Mask, radii: float) -> Mask:
+def near_start(seeds: Mask, radii: float) -> Mask:
     """Pixels within so many radii of a start's centre, where the start is a disc; of several discs, the mean radius."""
     count = cv2.connectedComponents(seeds.astype(np.uint8))[0] - 1
     radius = math.sqrt(np.count_nonzero(seeds) / (math.pi * count))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ffseg.errors import SegmentationError
 from ffseg.image.checked import Pixels, taken_image
 from ffseg.image.disc import Disc, valid_disc
-from ffseg.image.parts import parts
+from ffseg.image.parts import connected_parts
 from ffseg.parameters import Levels
 
 Image = NDArray[np.uint8]
@@ -129,7 +129,7 @@ def own_image(images: Iterable[Pixels], *, rgb: bool = False, levels: Levels = "
     relief, markers = (cv2.copyMakeBorder(plane, 1, 1, 1, 1, cv2.BORDER_REPLICATE) for plane in (relief, kinds))
     flooded = cv2.watershed(relief, markers)[1:-1, 1:-1]  # which leaves the outermost pixels out
     own = np.where(
-        parts(flooded != SCENE, corners=True).at_least(LEAST_AREA * flooded.size), np.uint8(255), np.uint8(0)
+        connected_parts(flooded != SCENE, corners=True).at_least(LEAST_AREA * flooded.size), np.uint8(255), np.uint8(0)
     )
     return dark | (cv2.resize(own, (shape[1], shape[0]), interpolation=cv2.INTER_LINEAR) >= 128)
 
@@ -202,8 +202,8 @@ def _outlines(seen: _Seen) -> Mask:
 def _parted(seen: _Seen) -> NDArray[np.int32]:
     """`SCENE` and `OWN` on the parts between the outlines, 0 on these and on specks."""
     open_ground = (~_outlines(seen)).astype(np.uint8)
-    ground = parts(open_ground)
-    labels, areas = ground.labels, ground.areas
+    open_parts = connected_parts(open_ground)
+    labels, areas = open_parts.labels, open_parts.areas
     deep = cv2.distanceTransform(open_ground, cv2.DIST_L1, 3) > BLUR
     inner, changed = (np.bincount(labels[mask], minlength=len(areas)) for mask in (deep, deep & seen.lively))
     lively: NDArray[np.float64] = changed / np.maximum(inner, 1)

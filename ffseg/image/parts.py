@@ -49,13 +49,13 @@ class Parts:
         return self.pixels_of(np.flatnonzero(self.areas >= max(area, 1)))
 
 
-def parts(mask: NDArray[np.bool_] | NDArray[np.uint8], *, corners: bool = False) -> Parts:
+def connected_parts(mask: NDArray[np.bool_] | NDArray[np.uint8], *, corners: bool = False) -> Parts:
     """The parts of a mask, whose pixels hang together over their sides, or over corners too."""
     number, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8 if corners else 4)
     return Parts(np.asarray(labels, np.int32), number)
 
 
-def holding(mask: NDArray[np.bool_], places: NDArray[np.bool_], *, corners: bool = False) -> NDArray[np.bool_]:
+def parts_holding(mask: NDArray[np.bool_], places: NDArray[np.bool_], *, corners: bool = False) -> NDArray[np.bool_]:
     """Pixels of the parts of a mask that have one of the places in them."""
     found, width = mask.astype(np.uint8), mask.shape[1]
     at = np.flatnonzero(places & mask)
@@ -72,4 +72,4 @@ def scattered(mask: NDArray[np.bool_]) -> Iterator[tuple[tuple[slice, slice], Pa
     for top, end in np.flatnonzero(filled[1:] != filled[:-1]).reshape(-1, 2).tolist():
         columns = np.flatnonzero(mask[top:end].any(axis=0)).tolist()
         window = slice(top, end), slice(columns[0], columns[-1] + 1)
-        yield window, parts(mask[window])
+        yield window, connected_parts(mask[window])

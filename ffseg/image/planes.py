@@ -82,34 +82,36 @@ def search_ground_motions(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _View:
+class _GroundGrid:
     """The ground from above.
 
     Attributes
     ----------
     texture : ndarray of float32, shape (n, n)
         High-pass grey levels, 0 where the ground is not known.
-    known : ndarray of float32, shape (n, n)
+    valid : ndarray of float32, shape (n, n)
         1 where the ground is known; between 0 and 1 after turning or halving.
     """
 
     texture: Field
-    known: Field
+    valid: Field
 
-    def turned(self, turn: float) -> _View:
+    def turned(self, turn: float) -> _GroundGrid:
         """The view turned about the camera by `turn`."""
         size = len(self.texture)
         c, s, middle = np.cos(turn), np.sin(turn), (size - 1) / 2.0
         matrix = np.array([[c, -s, middle * (1 - c + s)], [s, c, middle * (1 - s - c)]])
-        return _View(*(cast(Field, cv2.warpAffine(part, matrix, (size, size))) for part in (self.texture, self.known)))
+        return _GroundGrid(
+            *(cast(Field, cv2.warpAffine(part, matrix, (size, size))) for part in (self.texture, self.valid))
+        )
 
-    def halved(self) -> _View:
+    def halved(self) -> _GroundGrid:
         """Means of 2x2 cells."""
         half = len(self.texture) // 2
-        texture, known = (
-            part.reshape(half, 2, half, 2).mean(axis=(1, 3), dtype=np.float32) for part in (self.texture, self.known)
+        texture, valid = (
+            part.reshape(half, 2, half, 2).mean(axis=(1, 3), dtype=np.float32) for part in (self.texture, self.valid)
         )
-        return _View(texture, known)
+        return _GroundGrid(texture, valid)
 
 
 def _cells(camera: Camera) -> NDArray[np.float32]:
@@ -121,21 +123,21 @@ def _cells(camera: Camera) -> NDArray[np.float32]:
     return np.nan_to_num(pixels, nan=-1e4).astype(np.float32)
 
 
-def _ground_view(camera: Camera, grey: Grey, pixels: NDArray[np.float32], mask: Mask) -> _View:
+def _ground_view(camera: Camera, grey: Grey, pixels: NDArray[np.float32], mask: Mask) -> _GroundGrid:
     """Clipped high-pass view of the ground from above, and where it is known."""
     smooth = cv2.GaussianBlur(cv2.pyrDown(grey), (0, 0), HALF_SMOOTHING)
     x, y = (np.ascontiguousarray(pixels[..., axis]) for axis in (0, 1))
     view = cv2.remap(smooth, x * 0.5, y * 0.5, cv2.INTER_LINEAR).astype(np.float32)
-    known = cv2.remap(mask.view(np.uint8), x, y, cv2.INTER_NEAREST).astype(np.float32)
+    valid = cv2.remap(mask.view(np.uint8), x, y, cv2.INTER_NEAREST).astype(np.float32)
     away = np.hypot(x - camera.center[0], y - camera.center[1])
-    known[away < camera.robot_radius + CLEAR] = 0.0
-    weight = cv2.GaussianBlur(known, (0, 0), 4.0) + 1e-6
-    high = (view - cv2.GaussianBlur(view * known, (0, 0), 4.0) / weight) * known
-    scale = 1.4826 * np.median(np.abs(high[known > 0])) if known.any() else 0.0
+    valid[away < camera.robot_radius + CLEAR] = 0.0
+    weight = cv2.GaussianBlur(valid, (0, 0), 4.0) + 1e-6
+    high = (view - cv2.GaussianBlur(view * valid, (0, 0), 4.0) / weight) * valid
+    scale = 1.4826 * np.median(np.abs(high[valid > 0])) if valid.any() else 0.0
     noise = SMOOTHED_NOISE * pixel_noise(grey, mask)
     most = max(CLIP * scale, MOST_OF_NOISE * noise)
     shrunk = np.sign(high) * np.clip(np.abs(high) - ABOVE_NOISE * noise, 0.0, most)
-    return _View(shrunk.astype(np.float32), known)
+    return _GroundGrid(shrunk.astype(np.float32), valid)
 
 
 def pixel_noise(grey: Grey, mask: Mask) -> float:
@@ -156,13 +158,13 @@ MEDIAN_STEP = 0.9539
 """Median of the absolute difference of two normal values, in units of their standard deviation."""
 
 
-def _spectra(view: _View) -> tuple[Field, Field, Field]:
+def _spectra(view: _GroundGrid) -> tuple[Field, Field, Field]:
     """Transforms of the masked texture, of its squares and of the mask, padded against wrapping."""
     size = round(PADDING * len(view.texture))
     padded = np.zeros((3, size, size), np.float32)
     inside = padded[:, : len(view.texture), : len(view.texture)]
-    masked = view.texture * view.known
-    inside[0], inside[1], inside[2] = masked, masked * view.texture, view.known
+    masked = view.texture * view.valid
+    inside[0], inside[1], inside[2] = masked, masked * view.texture, view.valid
     return _transform(padded[0]), _transform(padded[1]), _transform(padded[2])
 
 
@@ -170,13 +172,13 @@ def _transform(part: Field) -> Field:
     return cast(Field, cv2.dft(part))
 
 
-def _correlation(view: _View, seen: tuple[Field, Field, Field]) -> Field:
+def _correlation(view: _GroundGrid, seen: tuple[Field, Field, Field]) -> Field:
     """Normalised correlation of the view with the previous one's spectra for every shift (rows, columns)."""
-    texture, squares, known = _spectra(view)
+    texture, squares, valid = _spectra(view)
     product = _shifted(texture, seen[0])
-    energy = _shifted(squares, seen[2]) * _shifted(known, seen[1])
-    overlap = _shifted(known, seen[2])
-    enough = overlap > LEAST_OVERLAP * max(1.0, float(view.known.sum()))
+    energy = _shifted(squares, seen[2]) * _shifted(valid, seen[1])
+    overlap = _shifted(valid, seen[2])
+    enough = overlap > LEAST_OVERLAP * max(1.0, float(view.valid.sum()))
     enough &= energy > LEAST_ENERGY * max(float(energy.max()), 1e-12)
     result: Field = np.full_like(product, -1.0)
     result[enough] = product[enough] / np.sqrt(energy[enough])

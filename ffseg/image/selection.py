@@ -12,7 +12,7 @@ from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import packed
 from ffseg.geometry.regions import group_regions
 from ffseg.image.components import filled
-from ffseg.image.parts import parts
+from ffseg.image.parts import connected_parts
 from ffseg.image.polygons import polygons
 from ffseg.image.raster import rasterize
 from ffseg.native import _core
@@ -60,7 +60,7 @@ def selected(contours: Sequence[FreeForm], mask: Mask, params: Region) -> tuple[
     return left, kept
 
 
-def counted(mask: Mask) -> tuple[int, int]:
+def count_regions(mask: Mask) -> tuple[int, int]:
     """Regions and holes that a mask shows, connected as `selected` says."""
     points, offsets = _core.mask_outlines(np.ascontiguousarray(mask).view(np.uint8))
     if len(offsets) < 2:
@@ -74,12 +74,12 @@ def counted(mask: Mask) -> tuple[int, int]:
 
 
 def _kept(mask: Mask, params: Region) -> Mask:
-    regions = parts(mask)
+    regions = connected_parts(mask)
     chosen = regions.areas >= max(params.min_area, 1)
     if params.largest:
         chosen[np.argsort(-regions.areas, kind="stable")[params.largest :]] = False
     kept: Mask = chosen[regions.labels]
-    holes = parts(~np.pad(kept, 1), corners=True)
+    holes = connected_parts(~np.pad(kept, 1), corners=True)
     small = holes.areas < params.fill_holes
     small[[0, holes.labels[0, 0]]] = False  # not the outside
     return np.asarray(kept | small[holes.labels][1:-1, 1:-1], np.bool_)

@@ -121,9 +121,11 @@ def bag_poses(path: str, times: Iterable[int]) -> list[Planar | None]:
     at = np.array([time for time, _ in found[origin]], np.int64)
     x, y, turn = np.array([where for _, where in found[origin]]).T
     turn, first = np.unwrap(turn), int(at[0])
-    wanted, known = [(time - first) / _NANO for time in times], (at - first) / _NANO
-    rows = np.stack([np.interp(wanted, known, values) for values in (x, y, turn)], axis=1).tolist()
-    return [(a, b, c) if known[0] <= t <= known[-1] else None for t, (a, b, c) in zip(wanted, rows, strict=True)]
+    asked_at, known_at = [(time - first) / _NANO for time in times], (at - first) / _NANO
+    rows = np.stack([np.interp(asked_at, known_at, values) for values in (x, y, turn)], axis=1).tolist()
+    return [
+        (a, b, c) if known_at[0] <= t <= known_at[-1] else None for t, (a, b, c) in zip(asked_at, rows, strict=True)
+    ]
 
 
 def _placed(message: Any) -> Iterator[tuple[str, Planar]]:  # noqa: ANN401 - of rosbags
@@ -253,8 +255,8 @@ def _grid(types: Any, time: int, levels: NDArray[np.uint8], cell: float, origin:
     info = types["nav_msgs/msg/MapMetaData"](
         map_load_time=header.stamp, resolution=cell, width=width, height=height, origin=place
     )
-    told = np.select([levels == 0, levels == 254], [100, 0], -1).astype(np.int8)[::-1].ravel()
-    return types[_WRITTEN["/map"]](header=header, info=info, data=told)
+    occupancy = np.select([levels == 0, levels == 254], [100, 0], -1).astype(np.int8)[::-1].ravel()
+    return types[_WRITTEN["/map"]](header=header, info=info, data=occupancy)
 
 
 def _header(types: Any, time: int, frame: str) -> Any:  # noqa: ANN401 - of rosbags

@@ -41,7 +41,7 @@ Numbered = tuple[int, Encode | None]
 
 
 @dataclass(frozen=True, slots=True)
-class Contents:
+class FilmContents:
     """What a film holds.
 
     Attributes
@@ -67,7 +67,7 @@ def require_video(path: str) -> None:
     require(module, f"{printable(path)}: {what}", "video")
 
 
-def contents(path: str) -> Contents:
+def film_contents(path: str) -> FilmContents:
     """Times of all frames, read without decoding those of a film.
 
     Raises
@@ -75,7 +75,7 @@ def contents(path: str) -> Contents:
     ImageReadError
         If the file is none that can be read.
     """
-    return _film_contents(path) if is_film(path) else Contents(tuple(_times(path)))
+    return _film_contents(path) if is_film(path) else FilmContents(tuple(_times(path)))
 
 
 def frame_bytes(path: str, number: int, max_bytes: int) -> bytes:
@@ -191,13 +191,13 @@ def _stamps(path: str) -> _Stamps:
     return _Stamps([*sorted(ticks)], clock, rate)
 
 
-def _film_contents(path: str) -> Contents:
+def _film_contents(path: str) -> FilmContents:
     stamps = _stamps(path)
     count = len(stamps.ticks)
     if not count:
         raise ImageReadError("truncated", f"the film has no frame left; {_COPY}")
     problem = f"truncated: the film ends after {count} frames, before its head says; {_COPY}" if is_cut(path) else ""
-    return Contents(tuple(round(time, 6) for time in stamps.seconds()), problem)
+    return FilmContents(tuple(round(time, 6) for time in stamps.seconds()), problem)
 
 
 def _film_frames(path: str, max_bytes: int) -> Iterator[Numbered]:

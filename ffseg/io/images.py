@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.errors import ImageReadError, ParameterError
-from ffseg.image.checked import ends_of, scaled
+from ffseg.image.checked import ends_of, to_8_bits
 from ffseg.io.files import printable, read_bytes
 from ffseg.io.validation.base import Header, damaged
 from ffseg.io.validation.boxes import avif, heic, jpeg2000
@@ -134,8 +134,8 @@ def read_picture(
         raise ImageReadError("damaged", f"the {header.format} pixels have not the size its header claims; convert it")
     if any((_decoded(copy, header) is not None) != decodes for copy, decodes in probes):
         raise damaged(f"the {header.format} data has zeros where pixels should be (lost blocks?)")
-    image, said = _levelled(image, header, levels)
-    return _upright(image, header.orientation), "; ".join(filter(None, (_note(header), said)))
+    image, notes = _levelled(image, header, levels)
+    return _upright(image, header.orientation), "; ".join(filter(None, (_note(header), notes)))
 
 
 DEPTHS = (10, 12, 14)
@@ -147,15 +147,15 @@ def _levelled(image: NDArray[Any], header: Header, levels: Levels | None) -> tup
     if image.dtype != np.uint16:
         return image, ""
     if levels is not None and levels != "auto":
-        return scaled(image, levels), ""
+        return to_8_bits(image, levels), ""
     most = int(image.max())
     bits = next((bits for bits in DEPTHS if most < 1 << bits), 16)
     low, high = header.levels or (0, (1 << bits) - 1)
     if (low, high) == (0, 65535) or most == 0:  # as OpenCV itself makes 8 bits of them
         rounds = header.format == "TIFF" and image.ndim == 3
-        return scaled(image, (0, 65535)) if rounds else (image >> 8).astype(np.uint8), ""
+        return to_8_bits(image, (0, 65535)) if rounds else (image >> 8).astype(np.uint8), ""
     why = "as the file states" if header.levels else f"no value needs more than {bits} bits"
-    return scaled(image, (low, high)), f"16-bit values read from {low} to {high}: {why}; input.range sets others"
+    return to_8_bits(image, (low, high)), f"16-bit values read from {low} to {high}: {why}; input.range sets others"
 
 
 def _decoded(data: bytes, header: Header, depth: int = 0) -> NDArray[Any] | None:
@@ -236,14 +236,14 @@ def inspect(data: bytes, limits: Limits) -> Header:
 
 def _note(header: Header) -> str:
     """What to say of a file of which other readers may give other pixels: more frames, or EXIF that turns; else empty."""
-    said = []
+    notes = []
     if header.several:
         part = "page" if header.format == "TIFF" else "frame"
-        said.append(f"only the first {part} was read; the {header.format} file has more")
+        notes.append(f"only the first {part} was read; the {header.format} file has more")
     if header.orientation > 1:
         turned = f"turned upright as EXIF orientation {header.orientation} says"
-        said.append(f"{turned}; readers that ignore it see other pixels than the mask's")
-    return "; ".join(said)
+        notes.append(f"{turned}; readers that ignore it see other pixels than the mask's")
+    return "; ".join(notes)
 
 
 _PARSERS: tuple[tuple[bytes, Callable[[bytes], Header]], ...] = (

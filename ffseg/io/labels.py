@@ -189,10 +189,10 @@ def _name(path: str) -> str:
     return os.path.normpath(path.replace("\\", "/"))
 
 
-def _size(said: Mapping[str, Any], height: str, width: str, labels: Labels, image: str) -> None:
+def _size(document: Mapping[str, Any], height: str, width: str, labels: Labels, image: str) -> None:
     """Keep the size that a file says of an image."""
-    if isinstance(said.get(height), int) and isinstance(said.get(width), int):
-        labels.sizes[image] = (said[height], said[width])
+    if isinstance(document.get(height), int) and isinstance(document.get(width), int):
+        labels.sizes[image] = (document[height], document[width])
 
 
 def polygon(points: Any) -> Paint:  # noqa: ANN401 - rows of two numbers, checked here

@@ -30,7 +30,7 @@ _CHANNELS = {"bgr24": 3, "rgb24": 3, "gray": 1}
 
 
 @dataclass(frozen=True, slots=True)
-class Form:
+class FrameFormat:
     """How frames stand in a stream.
 
     Attributes
@@ -62,7 +62,7 @@ class Form:
         return pixels * 3 // 2 if self.layout == "420" else pixels * _CHANNELS.get(self.layout, 1)
 
 
-def read_form(stream: BinaryIO, raw: str, limits: Limits) -> Form:
+def read_frame_format(stream: BinaryIO, raw: str, limits: Limits) -> FrameFormat:
     """How the frames of a stream stand: as told for raw pixels, else as its Y4M header says.
 
     Raises
@@ -82,16 +82,16 @@ def read_form(stream: BinaryIO, raw: str, limits: Limits) -> Form:
     return form
 
 
-def _raw_form(raw: str) -> Form:
+def _raw_form(raw: str) -> FrameFormat:
     found = _RAW.fullmatch(raw)
     if found is None:
         raise UsageError(
             f"--raw {printable(raw)}: write WIDTHxHEIGHT:LAYOUT with bgr24, rgb24 or gray, as 800x600:bgr24"
         )
-    return Form(int(found[1]), int(found[2]), found[3])
+    return FrameFormat(int(found[1]), int(found[2]), found[3])
 
 
-def _y4m_form(stream: BinaryIO) -> Form:
+def _y4m_form(stream: BinaryIO) -> FrameFormat:
     head = stream.readline(_LONGEST)
     magic, *fields = head.split() or [b""]
     if magic != _MAGIC:
@@ -108,10 +108,10 @@ def _y4m_form(stream: BinaryIO) -> Form:
         )
     kept = tuple(tag for tag in tags if tag[0] not in "WHCX")
     layout = "mono" if colours == "mono" else "420"
-    return Form(int(sides[0]), int(sides[1]), layout, kept, layout == "420" and "XCOLORRANGE=FULL" in tags)
+    return FrameFormat(int(sides[0]), int(sides[1]), layout, kept, layout == "420" and "XCOLORRANGE=FULL" in tags)
 
 
-def frames(stream: BinaryIO, form: Form) -> Iterator[Array]:
+def frames(stream: BinaryIO, form: FrameFormat) -> Iterator[Array]:
     """Frames of a stream, shape (H, W) or (H, W, 3) in BGR order.
 
     Raises
@@ -136,7 +136,7 @@ def frames(stream: BinaryIO, form: Form) -> Iterator[Array]:
         yield _pixels(np.frombuffer(data, np.uint8), form)
 
 
-def _pixels(data: Array, form: Form) -> Array:
+def _pixels(data: Array, form: FrameFormat) -> Array:
     """A frame as an image, a copy where the layout is another."""
     height, width = form.height, form.width
     if form.layout in ("gray", "mono"):
@@ -152,7 +152,7 @@ def _pixels(data: Array, form: Form) -> Array:
     return pixels if form.layout == "bgr24" else np.ascontiguousarray(pixels[:, :, ::-1])
 
 
-def head(form: Form, *, grey: bool) -> bytes:
+def head(form: FrameFormat, *, grey: bool) -> bytes:
     """Header of a stream of pictures like its source's; empty of raw pixels."""
     if form.is_raw:
         return b""
@@ -160,7 +160,7 @@ def head(form: Form, *, grey: bool) -> bytes:
     return b" ".join([_MAGIC, *(tag.encode("ascii", "replace") for tag in tags)]) + b"\n"
 
 
-def encoded(picture: Array, form: Form) -> bytes:
+def encoded(picture: Array, form: FrameFormat) -> bytes:
     """A picture, shape (H, W) for grey or (H, W, 3) in BGR order, as a frame of such a stream."""
     if form.is_raw:
         return (picture[:, :, ::-1] if form.layout == "rgb24" and picture.ndim == 3 else picture).tobytes()

@@ -39,7 +39,7 @@ _INSIDE, _OUTSIDE = 235, 70
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Source:
+class ImageInfo:
     """What a result was made of.
 
     Attributes
@@ -60,7 +60,7 @@ class Source:
     label: str = "region"
 
 
-NO_SOURCE = Source()
+NO_SOURCE = ImageInfo()
 
 
 def kind_of(path: str, kinds: Sequence[str] = ()) -> str:
@@ -114,7 +114,7 @@ def is_own(path: str, kind: str) -> bool:
     return not begins or re.match(_BEGINNINGS[kind], begins) is not None
 
 
-def encoded(result: Segmentation, kind: str, source: Source, suffix: str = ".png") -> bytes:
+def encoded(result: Segmentation, kind: str, source: ImageInfo, suffix: str = ".png") -> bytes:
     """A result as the bytes of a file.
 
     Parameters
@@ -134,7 +134,7 @@ def encoded(result: Segmentation, kind: str, source: Source, suffix: str = ".png
     if kind == "svg":
         return svg_document(result.contours, width, height, source.name, source.behind).encode("utf-8")
     if kind == "yolo":
-        return yolo_text(annotated(result, "")).encode("ascii")
+        return yolo_text(annotated_image(result, "")).encode("ascii")
     if kind not in ("overlay", "cutout"):
         return json_text(documents(result, kind, source.name, source.label, source.behind)).encode("ascii")
     image = source.image
@@ -146,7 +146,7 @@ def encoded(result: Segmentation, kind: str, source: Source, suffix: str = ".png
     return encode_overlay(image, polylines(result.contours), result.mask, suffix)
 
 
-def annotated(result: Segmentation, name: str, label: str = "region") -> AnnotatedImage:
+def annotated_image(result: Segmentation, name: str, label: str = "region") -> AnnotatedImage:
     """What documents know of a result."""
     from ffseg.image.polygons import polygons
     from ffseg.io.exports import AnnotatedImage
@@ -160,7 +160,7 @@ def documents(result: Segmentation, kind: str, name: str, label: str = "region",
     from ffseg.io import exports
 
     made = {"coco": exports.coco_document, "labelme": exports.labelme_document, "geojson": exports.geojson_document}
-    return made[kind](replace(annotated(result, name, label), picture=behind.partition(",")[2]))
+    return made[kind](replace(annotated_image(result, name, label), picture=behind.partition(",")[2]))
 
 
 class Savable:
@@ -197,7 +197,7 @@ class Savable:
             raise OutputError(f"behind is of type {type(behind).__name__}; give the name of an image file")
         if not re.match("[a-z][a-z0-9+.-]+:", behind):  # no address, but a name
             behind = quote(behind, errors="surrogateescape")
-        self._save(path, "svg", Source(title, behind=behind))
+        self._save(path, "svg", ImageInfo(title, behind=behind))
 
     def save_cutout(
         self, path: str | os.PathLike[str], image: Pixels, *, rgb: bool = False, levels: Levels = "auto"
@@ -260,7 +260,7 @@ class Savable:
     def _result(self) -> Segmentation:
         return cast("Segmentation", self)
 
-    def _save(self, path: str | os.PathLike[str], kind: str, source: Source = NO_SOURCE) -> None:
+    def _save(self, path: str | os.PathLike[str], kind: str, source: ImageInfo = NO_SOURCE) -> None:
         from ffseg.io.files import write_bytes_atomic
 
         text = os.fspath(path)
@@ -269,8 +269,8 @@ class Savable:
         write_bytes_atomic(text, encoded(self._result(), kind, source, suffix))
 
 
-def _with_image(image: Pixels, rgb: bool, levels: Levels) -> Source:
+def _with_image(image: Pixels, rgb: bool, levels: Levels) -> ImageInfo:
     try:
-        return Source(image=taken_image(image, rgb, levels))
+        return ImageInfo(image=taken_image(image, rgb, levels))
     except SegmentationError as error:
         raise OutputError(f"the picture needs the image that was segmented: {error}") from None

@@ -25,7 +25,7 @@ class Snapshot(Protocol):
         """In pixels; outer ones of positive area, holes negative."""
 
 
-def spread(snapshots: Sequence[Snapshot], count: int) -> list[Snapshot]:
+def evenly_spaced(snapshots: Sequence[Snapshot], count: int) -> list[Snapshot]:
     """At most `count` snapshots evenly from first to last, both kept."""
     if len(snapshots) <= count:
         return list(snapshots)

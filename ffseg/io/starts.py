@@ -130,10 +130,10 @@ def starts_table(starts: Mapping[str, Start]) -> bytes:
 def check_starts(params: Parameters, path: str | os.PathLike[str]) -> None:
     """Refuse parameters that say where the contour starts by other means than a starts file."""
     others = {"init.circles": params.init.circles, "init.boxes": params.init.boxes, "init.mask": params.init.mask}
-    given = next((key for key, value in others.items() if value), None)
-    if given:
+    named = next((key for key, value in others.items() if value), None)
+    if named:
         raise ParameterError(
-            f"{printable(path)} gives each image its starts, but {given} is set too; leave out one of them"
+            f"{printable(path)} gives each image its starts, but {named} is set too; leave out one of them"
         )
 
 
@@ -176,7 +176,7 @@ def load_starts(path: str | os.PathLike[str], images: Iterable[str], *, partial:
     if not partial:
         _require_rows(names, rows, printable(name), problems)
     problems.raise_as(ParameterError)
-    return {image: rows[given][1] for image, given in names.items() if given}
+    return {image: rows[named][1] for image, named in names.items() if named}
 
 
 def numbered_starts(path: str | os.PathLike[str]) -> Mapping[int, Start]:
@@ -204,7 +204,7 @@ def _require_rows(names: Mapping[str, str], rows: Mapping[str, _Row], name: str,
     """Refuse a file that names no image, and rows of no image that are nearly called like one without a row."""
     used = set(names.values())
     spare = {row: line for row, (line, _) in rows.items() if row not in used}
-    for image in [image for image, given in names.items() if not given][:_MOST_COMPARED]:
+    for image in [image for image, named in names.items() if not named][:_MOST_COMPARED]:
         near = _nearest(image, spare)
         if near or used <= {""}:
             problems.add(name, f"no row for the image {printable(image)!r}{near}; add one, or leave the image out")
@@ -221,11 +221,11 @@ _PLACES = {kind: [PICKED.index(key) for key in keys] for kind, keys in KINDS.ite
 
 def _rows(text: str, name: str, problems: Problems) -> dict[str, _Row]:
     lines: dict[str, int] = {}
-    said: dict[str, _Said] = {}
+    rows_of_image: dict[str, _Said] = {}
     for line, cells in rows_of(text, name, HEADERS, problems):
-        where, given = f"{name}:{line}", len(cells)
-        if given < len(PICKED):
-            cells[1:] = ["start", *cells[1:], *[""] * (len(PICKED) - given - 1)]
+        where, named = f"{name}:{line}", len(cells)
+        if named < len(PICKED):
+            cells[1:] = ["start", *cells[1:], *[""] * (len(PICKED) - named - 1)]
         image, kind = cells[:2]
         if not image:
             problems.add(where, "image: the name is empty; write the image's relative name")
@@ -233,7 +233,7 @@ def _rows(text: str, name: str, problems: Problems) -> dict[str, _Row]:
             problems.add(where, f"kind: {kind[:40]!r} is none of {', '.join(KINDS)}")
             continue
         places = _PLACES[kind]
-        if given == len(PICKED):
+        if named == len(PICKED):
             stray = [key for at, key in enumerate(PICKED[2:], 2) if cells[at] and at not in places]
             if stray:
                 problems.add(where, f"{stray[0]}: a row of the kind {kind} has none; leave it empty")
@@ -241,13 +241,13 @@ def _rows(text: str, name: str, problems: Problems) -> dict[str, _Row]:
         key, value = ((kind,), numbers[0]) if kind in LIMITS else ((kind, *numbers), None)
         if value is not None and not LIMITS[kind][0] <= value <= LIMITS[kind][1]:
             problems.add(where, f"value: a {kind} is from {LIMITS[kind][0]:g} to {LIMITS[kind][1]:g}, not {value:g}")
-        if image not in said:
-            said[image], lines[image] = {}, line
-        elif key in said[image]:
+        if image not in rows_of_image:
+            rows_of_image[image], lines[image] = {}, line
+        elif key in rows_of_image[image]:
             what = "this start already" if kind == "start" else f"a row for this {kind} already"
             problems.add(where, f"{image[:60]!r} has {what}; keep one row of it")
-        said[image][key] = value
-    return {image: (lines[image], _start(rows)) for image, rows in said.items()}
+        rows_of_image[image][key] = value
+    return {image: (lines[image], _start(rows)) for image, rows in rows_of_image.items()}
 
 
 _RADIUS, _VALUE = PICKED.index("radius"), PICKED.index("value")
@@ -265,11 +265,11 @@ def _number(word: str, at: int, where: str, problems: Problems) -> float | None:
     return value
 
 
-def _start(said: _Said) -> Start:
+def _start(rows_of_image: _Said) -> Start:
     """What all rows of one image say together."""
     circles: list[Start] = []
     more: dict[str, Any] = {}
-    for (kind, *numbers), value in said.items():
+    for (kind, *numbers), value in rows_of_image.items():
         if kind == "start":
             circles.append(Start(*numbers))
         elif kind in LIMITS:
@@ -289,12 +289,12 @@ def _row_of(image: str, rows: Mapping[str, _Row], exact: Collection[str], name: 
 
     The exact names of other images are theirs, as ``b.png`` beside ``b.png.jpg``.
     """
-    given = [key for key in _cells_of(image) if key in rows and (key == image or key not in exact)]
-    if len(given) > 1:
-        first, second = given[:2]
+    named = [key for key in _cells_of(image) if key in rows and (key == image or key not in exact)]
+    if len(named) > 1:
+        first, second = named[:2]
         lines = f"lines {rows[first][0]} ({first[:60]!r}) and {rows[second][0]} ({second[:60]!r})"
         problems.add(name, f"{lines} both name the image {printable(image)!r}; write the same name in both")
-    return given[0] if given else ""
+    return named[0] if named else ""
 
 
 def _cells_of(image: str) -> Iterable[str]:

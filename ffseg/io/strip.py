@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.io.overlays import jpeg_address
-from ffseg.io.snapshots import Snapshot, scaled_down, spread
+from ffseg.io.snapshots import Snapshot, evenly_spaced, scaled_down
 from ffseg.io.svg import escape, number, path_data
 
 PANELS = 6
@@ -42,7 +42,7 @@ def film_strip_svg(
     if not snapshots:
         raise ValueError("a film strip needs at least one snapshot")
     height, width = image.shape[:2]
-    chosen = spread(snapshots, panels)
+    chosen = evenly_spaced(snapshots, panels)
     scale = _WIDTH / width
     panel_height = height * scale
     total = len(chosen) * (_WIDTH + _GAP) - _GAP

@@ -51,7 +51,7 @@ class Trial:
 
 
 @dataclass(frozen=True, slots=True)
-class Tried:
+class Trials:
     """All that was tried on all images: the parameters as they are, levels of probability, and other settings.
 
     Attributes

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ffseg.batch.plan.beside import find_domains, find_truths
 from ffseg.batch.plan.discover import discover
-from ffseg.batch.plan.sources import Source
+from ffseg.batch.plan.sources import InputImage
 from ffseg.batch.workers.pictures import read_source, read_truth
 from ffseg.errors import ImageReadError, SegmentationError, UsageError
 from ffseg.image.checked import require_size
@@ -31,7 +31,7 @@ MOST_NAMED = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Labelled:
+class LabelledImage:
     """An image with its mask.
 
     Attributes
@@ -59,7 +59,7 @@ class Labelled:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Gathered:
+class TrainingSet:
     """What there is to learn from.
 
     Attributes
@@ -72,15 +72,15 @@ class Gathered:
         Those that hold for all images.
     """
 
-    labelled: list[Labelled]
-    others: list[Source]
+    labelled: list[LabelledImage]
+    others: list[InputImage]
     starts: dict[str, Start]
     masks: Masks = NO_MASKS
 
 
 def gather(
     inputs: Sequence[str], truth: str, params: Parameters, starts: str = "", label: int | None = None
-) -> Gathered:
+) -> TrainingSet:
     """Read the images that have a mask.
 
     Raises
@@ -108,20 +108,20 @@ def gather(
         raise UsageError(f"--truth: no mask has a pixel inside{class_number}; 255 is inside, or the class you name")
     for one in labelled:
         _require_both_sides(one)
-    return Gathered(labelled, [one for one in sources if one.name not in truths], known, masks)
+    return TrainingSet(labelled, [one for one in sources if one.name not in truths], known, masks)
 
 
-def _require_own_masks(sources: Sequence[Source]) -> None:
+def _require_own_masks(sources: Sequence[InputImage]) -> None:
     """Refuse images of one name, as of two folders: one mask would stand for both."""
-    by_name: dict[str, Source] = {}
+    by_name: dict[str, InputImage] = {}
     for one in sources:
         other = by_name.setdefault(one.name, one)
         if other is not one:
-            shown = f"{printable(other.told)} and {printable(one.told)}"
+            shown = f"{printable(other.display_path)} and {printable(one.display_path)}"
             raise UsageError(f"{shown} are both called {printable(one.name)}; give the folder above them as the input")
 
 
-def _require_both_sides(one: Labelled) -> None:
+def _require_both_sides(one: LabelledImage) -> None:
     for side, level in (("inside", INSIDE), ("outside", OUTSIDE)):
         if not (one.truth == level).any():
             raise UsageError(
@@ -130,8 +130,8 @@ def _require_both_sides(one: Labelled) -> None:
 
 
 def _read(
-    source: Source, truth: str, params: Parameters, masks: Masks, label: int | None, start: Start | None
-) -> Labelled:
+    source: InputImage, truth: str, params: Parameters, masks: Masks, label: int | None, start: Start | None
+) -> LabelledImage:
     try:
         image = read_source(source, levels=params.input.range)
         params = params if start is None else start.placed(params, image.shape)
@@ -142,7 +142,9 @@ def _read(
         begun = start_region(image.shape[:2], params, masks.start)
     except (ImageReadError, SegmentationError) as error:
         raise UsageError(f"{printable(source.name)}: {error}") from error
-    return Labelled(source.name, image, levels, params, begun, masks, frozenset() if start is None else start.fixed)
+    return LabelledImage(
+        source.name, image, levels, params, begun, masks, frozenset() if start is None else start.fixed
+    )
 
 
 def start_region(
@@ -155,7 +157,7 @@ def start_region(
     return rasterize(start_contours((shape[0], shape[1]), params, mask), (shape[0], shape[1]))
 
 
-def starts_off(labelled: Sequence[Labelled]) -> list[str]:
+def starts_off(labelled: Sequence[LabelledImage]) -> list[str]:
     """Names of the images whose start lies wholly where their mask says outside; a model finds its own starts.
 
     Raises
@@ -173,13 +175,13 @@ def starts_off(labelled: Sequence[Labelled]) -> list[str]:
             names.append(printable(one.name))
     if names and len(names) == len(labelled):
         raise UsageError(
-            f"the start lies outside the mask of {'the image' if len(names) == 1 else 'all images'} ({named(names)}); say "
-            "where the region is with --starts FILE or --set 'init.center=[x, y]'"
+            f"the start lies outside the mask of {'the image' if len(names) == 1 else 'all images'} "
+            f"({some_names(names)}); say where the region is with --starts FILE or --set 'init.center=[x, y]'"
         )
     return names
 
 
-def known_share(labelled: Sequence[Labelled]) -> float:
+def known_share(labelled: Sequence[LabelledImage]) -> float:
     """Part of the pixels of which the masks know something, mean over the images."""
     return float(mean(np.count_nonzero(one.truth != IGNORED) / one.truth.size for one in labelled))
 
@@ -191,7 +193,7 @@ def few_known(share: float) -> list[str]:
     return [f"the masks know {share:.1%} of the pixels; the figures of IoU count no others"]
 
 
-def named(names: Sequence[str]) -> str:
+def some_names(names: Sequence[str]) -> str:
     """Some names, and how many more there are."""
     more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
     return ", ".join(names[:MOST_NAMED]) + more

@@ -20,11 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.evidence import base, box, hints, prior
-from ffseg.evidence.clicks import HALF, Asked, Click, begun, turned
+from ffseg.evidence.clicks import HALF, Click, ClickedImage, first_state, next_state
 from ffseg.evidence.features import NAMES, PLACE, WORKING_SIZE, features
 from ffseg.evidence.forest import Compiled, Model, from_bytes, to_bytes
 from ffseg.evidence.surroundings import STRIDE
-from ffseg.image.exposure import exposed
+from ffseg.image.exposure import normalised_exposure
 from ffseg.image.raster import window_of
 from ffseg.io.files import write_bytes_atomic
 from ffseg.io.images import single_thread
@@ -105,19 +105,19 @@ def main() -> int:
         {"drawn": {"looks": count, "kinds": list(KINDS)}, "photographs": 0} for count in (options.looks, few)
     )
     with ProcessPoolExecutor() as pool:
-        looks = [one for found in pool.map(taken, KINDS, [options.looks] * len(KINDS)) for one in found]
+        looks = [one for found in pool.map(prior_samples, KINDS, [options.looks] * len(KINDS)) for one in found]
         models = [
             to_bytes(grow([part for look in looks for part in look[place]], names, about))
-            for place, names in enumerate((prior.TAKEN, BASE_SEES, box.TAKEN))
+            for place, names in enumerate((prior.FEATURE_NAMES, BASE_SEES, box.FEATURE_NAMES))
         ]
-        hinted = pool.map(told, KINDS, [few] * len(KINDS), models[:1] * len(KINDS))
-        models.append(to_bytes(grow([part for found in hinted for part in found], hints.TAKEN, about_few)))
+        hinted = pool.map(hint_samples, KINDS, [few] * len(KINDS), models[:1] * len(KINDS))
+        models.append(to_bytes(grow([part for found in hinted for part in found], hints.FEATURE_NAMES, about_few)))
     for path, model in zip((prior.MODEL, base.BASE, box.MODEL, hints.MODEL), models, strict=True):
         write_bytes_atomic(options.out / path.name, model)
     return 0
 
 
-def taken(kind: str, count: int) -> list[tuple[list[Samples], list[Samples], list[Samples]]]:
+def prior_samples(kind: str, count: int) -> list[tuple[list[Samples], list[Samples], list[Samples]]]:
     """What the prior, the base and the box learn from so many looks at a kind of pictures."""
     single_thread()
     found = []
@@ -129,22 +129,22 @@ def taken(kind: str, count: int) -> list[tuple[list[Samples], list[Samples], lis
 
 def for_prior(seen: Sight, rng: np.random.Generator) -> Samples:
     """Some known pixels as the prior sees them."""
-    found = prior.look(seen.image, seen.disc(), WORKING_SIZE, LEARNED_START)
+    found = prior.start_features(seen.image, seen.disc(), WORKING_SIZE, LEARNED_START)
     known = known_pixels(seen.truth, found.factor)[::STRIDE, ::STRIDE]
-    return picked(prior.all_planes(found), known, rng)
+    return sampled(prior.all_planes(found), known, rng)
 
 
 def for_base(seen: Sight, rng: np.random.Generator) -> Samples:
     """Some known pixels as the base sees them."""
-    found = features(exposed(seen.image), seen.disc())
+    found = features(normalised_exposure(seen.image), seen.disc())
     planes = found.planes[[NAMES.index(name) for name in BASE_SEES]]
-    return picked(planes, known_pixels(seen.truth, found.factor), rng)
+    return sampled(planes, known_pixels(seen.truth, found.factor), rng)
 
 
-def told(kind: str, count: int, asked: bytes) -> list[Samples]:
+def hint_samples(kind: str, count: int, clicked: bytes) -> list[Samples]:
     """What the hints learn from clicks in pictures that the prior, whose file this is, has not learned from."""
     single_thread()
-    model = from_bytes(asked, prior.TAKEN)
+    model = from_bytes(clicked, prior.FEATURE_NAMES)
     ask, found = (model, model.inside.compiled()), []
     for number, seen in enumerate(sights(kind, count, OTHERS)):
         rng = np.random.default_rng([*kind.encode(), number, 2])
@@ -159,28 +159,32 @@ def for_clicks(seen: Sight, ask: Compiled, rng: np.random.Generator) -> list[Sam
     """
     shape, clicks, found = seen.truth.shape, Clicks((seen.start,)), list[Samples]()
     inside, outside = clicks.regions(shape)
-    asked = Asked(seen.image, inside, outside, None, 0.0, None)
-    own = prior.view(seen.image, asked.inside, ask)
-    told = begun(asked, own.odds - np.float32(prior.CAUTION))
+    clicked = ClickedImage(seen.image, inside, outside, None, 0.0, None)
+    own = prior.prior_view(seen.image, clicked.inside, ask)
+    state = first_state(clicked, own.odds - np.float32(prior.CAUTION))
     for _ in range(int(rng.integers(*CLICKS))):
-        mask = (asked.enlarged(told.odds) > 0) & (asked.enlarged(told.stays) >= HALF) & ~outside | inside
+        mask = (clicked.enlarged(state.odds) > 0) & (clicked.enlarged(state.stays) >= HALF) & ~outside | inside
         before, clicks = clicks, clicks.next(mask, seen.truth, float(rng.uniform(*CLICK_SIZES)) * max(shape))
         if clicks == before:
             break
         within = len(clicks.inside) > len(before.inside)
         one = Click(*(clicks.inside if within else clicks.outside)[-1], within)
-        last = asked.correction(told, asked.disc(one), within, len(clicks.outside) == 1)
+        last = clicked.correction(state, clicked.disc(one), within, len(clicks.outside) == 1)
         inside, outside = clicks.regions(shape)
-        own = prior.view(seen.image, inside, ask) if within else own
-        view = hints.look(own, outside & ~inside)
+        own = prior.prior_view(seen.image, inside, ask) if within else own
+        view = hints.hint_view(own, outside & ~inside)
         planes = hints.all_planes(view, last)
-        known, near = known_pixels(seen.truth, view.seen.factor)[::STRIDE, ::STRIDE], asked.near(last)
-        found += [picked(planes, np.where(near, known, NOT_KNOWN), rng, CLICKED)]
-        say, likelier, nearer = (planes[hints.TAKEN.index(name)] for name in ("prior", "likelier", "inside_or_outside"))
+        known, near = known_pixels(seen.truth, view.seen.factor)[::STRIDE, ::STRIDE], clicked.near(last)
+        found += [sampled(planes, np.where(near, known, NOT_KNOWN), rng, CLICKED)]
+        say, likelier, nearer = (
+            planes[hints.FEATURE_NAMES.index(name)] for name in ("prior", "likelier", "inside_or_outside")
+        )
         guess = np.clip(
             say + rng.uniform() * likelier - rng.uniform(0, 2) * nearer + rng.normal(), -prior.CERTAIN, prior.CERTAIN
         )
-        told = turned(asked, told, *hints.shared(guess.astype(np.float32), view, last), inside, last)
+        state = next_state(
+            clicked, state, *hints.near_and_elsewhere(guess.astype(np.float32), view, last), inside, last
+        )
     return found
 
 
@@ -195,15 +199,15 @@ def for_box(kind: str, number: int, seen: Sight) -> list[Samples]:
     for loose in range(BOXES[kind]):
         share = rng.uniform(*LOOSE, 4) if loose else np.zeros(4)
         left, top, right, bottom = (tight + np.array([-1, -1, 1, 1]) * share * mean_side).tolist()
-        view = box.look(seen.image, window_of((left, top, right, bottom), seen.truth.shape))
+        view = box.box_view(seen.image, window_of((left, top, right, bottom), seen.truth.shape))
         if view is not None:
             level, within = view.at(seen.truth), view.seen.inside[::STRIDE, ::STRIDE] == 0
             known = np.where(level == INSIDE, 1, np.where((level == IGNORED) | ~within, -1, 0)).astype(np.int8)
-            found.append(picked(box.all_planes(view), known, rng))
+            found.append(sampled(box.all_planes(view), known, rng))
     return found
 
 
-def picked(
+def sampled(
     planes: NDArray[np.float32], known: NDArray[np.int8], rng: np.random.Generator, most: int = PIXELS
 ) -> Samples:
     """Some of the pixels that are known, of planes of shape (F, h, w), half of them inside.

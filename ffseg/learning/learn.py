@@ -10,21 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg import __version__
-from ffseg.batch.plan.sources import Source
+from ffseg.batch.plan.sources import InputImage
 from ffseg.batch.workers.pictures import read_source
 from ffseg.errors import ImageReadError, SegmentationError, UsageError
 from ffseg.evidence.features import KNOWN, features
 from ffseg.evidence.forest import Model
 from ffseg.evidence.prior import prior
-from ffseg.evidence.source import model_start, told
-from ffseg.image.exposure import exposed
+from ffseg.evidence.source import model_odds, model_start
+from ffseg.image.exposure import normalised_exposure
 from ffseg.io.files import printable
 from ffseg.io.tables import counted, without_nan
-from ffseg.learning.gather import Gathered, Labelled, known_share, start_region
+from ffseg.learning.gather import LabelledImage, TrainingSet, known_share, start_region
 from ffseg.learning.training import (
-    Asked,
-    Beginning,
+    BaseChoice,
     Example,
+    PriorChoice,
     Samples,
     grown,
     learn,
@@ -58,7 +58,7 @@ Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Figures:
+class CrossValidation:
     """How well a model does on images that it was not learned from.
 
     Attributes
@@ -75,9 +75,9 @@ class Figures:
         How many more masks may each still raise the mean by ``WORTH``.
     following : str
         The image to draw a mask of next; empty where all have one.
-    base : Beginning or None
+    base : BaseChoice or None
         Whether the forest that comes with ffseg was corrected, and why.
-    prior : Asked or None
+    prior : PriorChoice or None
         Whether the prior that comes with ffseg is asked too, and why.
     known : float
         Part of the pixels of which the masks know something.
@@ -96,14 +96,16 @@ class Figures:
     curve: tuple[tuple[int, float], ...] = ()
     more: int = 0
     following: str = ""
-    base: Beginning | None = None
-    prior: Asked | None = None
+    base: BaseChoice | None = None
+    prior: PriorChoice | None = None
     known: float = 1.0
     searched: bool = False
     order: tuple[str, ...] = ()
 
 
-def learned(gathered: Gathered, params: Parameters, tell: Tell, *, measured: bool = True) -> tuple[Model, Figures]:
+def learn_and_measure(
+    gathered: TrainingSet, params: Parameters, tell: Tell, *, measured: bool = True
+) -> tuple[Model, CrossValidation]:
     """Learn a model and, unless it is not to be `measured`, measure it on images left out.
 
     Raises
@@ -122,8 +124,8 @@ def learned(gathered: Gathered, params: Parameters, tell: Tell, *, measured: boo
     figures = replace(
         figures,
         following=order[0] if order else "",
-        base=Beginning(**model.about["base"]),
-        prior=None if model.about["prior"] is None else Asked(**model.about["prior"]),
+        base=BaseChoice(**model.about["base"]),
+        prior=None if model.about["prior"] is None else PriorChoice(**model.about["prior"]),
         known=known_share(gathered.labelled),
         searched=any(one.start is None for one in gathered.labelled),
     )
@@ -132,19 +134,19 @@ def learned(gathered: Gathered, params: Parameters, tell: Tell, *, measured: boo
     return replace(model, about=about), replace(figures, order=order)
 
 
-def _samples(one: Labelled, params: Parameters) -> Samples:
+def _samples(one: LabelledImage, params: Parameters) -> Samples:
     try:
         return samples(Example(one.image, one.truth, one.start, params.init.radius_in(one.image.shape)))
     except UsageError as error:
         raise UsageError(f"{printable(one.name)}: {error}") from error
 
 
-def _unmeasured(count: int) -> Figures:
+def _unmeasured(count: int) -> CrossValidation:
     none = float("nan")
-    return Figures(count, none, none, none, none, helps=None)
+    return CrossValidation(count, none, none, none, none, helps=None)
 
 
-def _figures(labelled: Sequence[Labelled], chosen: Sequence[Samples], tell: Tell) -> Figures:
+def _figures(labelled: Sequence[LabelledImage], chosen: Sequence[Samples], tell: Tell) -> CrossValidation:
     count = len(labelled)
     if count < 2:
         return _unmeasured(count)
@@ -161,31 +163,31 @@ def _figures(labelled: Sequence[Labelled], chosen: Sequence[Samples], tell: Tell
     helps = mean(gains) > NOISE * stdev(gains) / len(gains) ** 0.5
     curve = _curve(labelled, chosen)
     more = _worth_drawing(curve, count)
-    return Figures(count, mean(own), pstdev(own), mean(other), pstdev(other), helps, curve, more)
+    return CrossValidation(count, mean(own), pstdev(own), mean(other), pstdev(other), helps, curve, more)
 
 
 def _without_model(params: Parameters) -> Parameters:
     return replace(params, edges=replace(params.edges, model=None))
 
 
-def _overlap(one: Labelled, model: Model | None) -> float:
+def _overlap(one: LabelledImage, model: Model | None) -> float:
     """IoU of the contour on an image, with what a model says or without any, also of the parameters."""
     params, start = _without_model(one.params), one.start
     if start is None and model is not None:
         circle = model_start(one.image, model, params.init.radius_in(one.image.shape))
         params = params if circle is None else replace(params, init=replace(params.init, circles=(circle,)))
         start = start_region(one.image.shape[:2], params)
-    return _contoured(one, params, None if model is None or start is None else told(model, one.image, start))
+    return _contoured(one, params, None if model is None or start is None else model_odds(model, one.image, start))
 
 
-def _contoured(one: Labelled, params: Parameters, evidence: NDArray[np.float32] | None) -> float:
+def _contoured(one: LabelledImage, params: Parameters, evidence: NDArray[np.float32] | None) -> float:
     try:
         return iou(segment(Scene(one.image, params, evidence=evidence, **one.masks.bounds)).mask, one.truth)
     except SegmentationError:
         return 0.0
 
 
-def _curve(labelled: Sequence[Labelled], chosen: Sequence[Samples]) -> tuple[tuple[int, float], ...]:
+def _curve(labelled: Sequence[LabelledImage], chosen: Sequence[Samples]) -> tuple[tuple[int, float], ...]:
     """Mean IoU of the contours that models of 1, 2, 4, ... masks, of small forests, give on others.
 
     Notes
@@ -194,7 +196,9 @@ def _curve(labelled: Sequence[Labelled], chosen: Sequence[Samples]) -> tuple[tup
     """
     count, rng, points = len(chosen), np.random.default_rng(0), []
     labelled = [_started(replace(one, params=_without_model(one.params)), rng) for one in labelled]
-    seen = [features(exposed(one.image), one.start, names=KNOWN) for one in labelled if one.start is not None]
+    seen = [
+        features(normalised_exposure(one.image), one.start, names=KNOWN) for one in labelled if one.start is not None
+    ]
     odds = [prior(one.image, one.start) for one in labelled if one.start is not None]
     if len(seen) < count:
         return ()
@@ -209,7 +213,7 @@ def _curve(labelled: Sequence[Labelled], chosen: Sequence[Samples]) -> tuple[tup
     return tuple(points)
 
 
-def _started(one: Labelled, rng: np.random.Generator) -> Labelled:
+def _started(one: LabelledImage, rng: np.random.Generator) -> LabelledImage:
     """The image with a start drawn inside its mask if it has none, and its mask has the room."""
     radius = one.params.init.radius_in(one.image.shape)
     drawn = [] if one.start is not None else starts_in(Example(one.image, one.truth, None, radius), rng)
@@ -232,7 +236,7 @@ def _worth_drawing(curve: Sequence[tuple[int, float]], count: int) -> int:
     return last - count
 
 
-def _order(gathered: Gathered, model: Model, params: Parameters, tell: Tell) -> tuple[str, ...]:
+def _order(gathered: TrainingSet, model: Model, params: Parameters, tell: Tell) -> tuple[str, ...]:
     """Images without a mask, at most ``MOST_LOOKED_AT``, those the model is least sure of first."""
     doubts = {one.name: _doubt(one, gathered, model, params, tell) for one in gathered.others[:MOST_LOOKED_AT]}
     order = tuple(sorted((name for name, doubt in doubts.items() if doubt >= 0), key=doubts.__getitem__, reverse=True))
@@ -241,7 +245,7 @@ def _order(gathered: Gathered, model: Model, params: Parameters, tell: Tell) -> 
     return order
 
 
-def _doubt(source: Source, gathered: Gathered, model: Model, params: Parameters, tell: Tell) -> float:
+def _doubt(source: InputImage, gathered: TrainingSet, model: Model, params: Parameters, tell: Tell) -> float:
     """The uncertainty of an image; -1 where it cannot be read, which is told."""
     try:
         image = read_source(source, levels=params.input.range)
@@ -262,4 +266,4 @@ def _doubt(source: Source, gathered: Gathered, model: Model, params: Parameters,
 
 def uncertainty(model: Model, image: NDArray[np.uint8], start: NDArray[np.bool_]) -> float:
     """Mean of how undecided a model, with the prior where it asks it, is: 0 where all is sure, 1 where all is even."""
-    return float(np.mean(1 - np.abs(2 * told(model, image, start) - 1)))
+    return float(np.mean(1 - np.abs(2 * model_odds(model, image, start) - 1)))

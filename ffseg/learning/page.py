@@ -15,8 +15,8 @@ from ffseg import __version__
 from ffseg.io.files import printable
 from ffseg.io.masks import encode_png
 from ffseg.io.tables import counted
-from ffseg.learning.gather import Labelled, few_known
-from ffseg.learning.tune import Tuned
+from ffseg.learning.gather import LabelledImage, few_known
+from ffseg.learning.tune import TuningResult
 from ffseg.metrics import IGNORED, INSIDE
 from ffseg.parameter_text import non_defaults, yaml_lines, yaml_value
 from ffseg.parameters import Parameters
@@ -28,7 +28,7 @@ WIDEST = 360
 """px; pictures on the page are no wider."""
 
 
-def told(tuned: Tuned) -> list[str]:
+def summary_lines(tuned: TuningResult) -> list[str]:
     """What there is to say, line by line."""
     count = len(tuned.before)
     lines = [
@@ -57,7 +57,7 @@ def told(tuned: Tuned) -> list[str]:
     return lines
 
 
-def untried(tuned: Tuned) -> list[str]:
+def not_tried(tuned: TuningResult) -> list[str]:
     """What there was no time for."""
     if not tuned.left:
         return []
@@ -65,7 +65,7 @@ def untried(tuned: Tuned) -> list[str]:
     return [f"not tried for want of time: {tuned.left} of {count} settings; a longer --budget tries them"]
 
 
-def to_yaml(tuned: Tuned, params: Parameters | None = None) -> str:
+def to_yaml(tuned: TuningResult, params: Parameters | None = None) -> str:
     """A parameter file of the keys that tuning sets, with what was measured as a comment.
 
     Parameters
@@ -74,7 +74,7 @@ def to_yaml(tuned: Tuned, params: Parameters | None = None) -> str:
         What tuning began with: where it differs from the defaults it stands in the file as well, which is then all that a
         run needs.
     """
-    lines = [f"# ffseg tune {__version__}", *(f"# {line}" for line in (*told(tuned), *untried(tuned)))]
+    lines = [f"# ffseg tune {__version__}", *(f"# {line}" for line in (*summary_lines(tuned), *not_tried(tuned)))]
     values = (non_defaults(params) if params is not None else {}) | tuned.setting
     return "\n".join([*lines, *yaml_lines(values, _text), ""])
 
@@ -93,17 +93,17 @@ def _is_row(value: object) -> TypeGuard[tuple[float, ...]]:
 
 
 def to_html(
-    tuned: Tuned,
-    labelled: Sequence[Labelled],
+    tuned: TuningResult,
+    labelled: Sequence[LabelledImage],
     masks: Sequence[tuple[NDArray[np.bool_], NDArray[np.bool_]]],
     written: str,
 ) -> str:
     """A page that needs no other file: what was measured, what was `written`, and each image before and after."""
-    said = [*told(tuned), *untried(tuned)]
+    sentences = [*summary_lines(tuned), *not_tried(tuned)]
     if tuned.best != tuned.setting:
         best = ", ".join(f"{key} {_text(value)}" for key, value in tuned.best.items())
-        said.append(f"after: with the setting of the highest mean, which is not taken: {best}")
-    lines = "".join(f"<p>{html.escape(line)}</p>" for line in said)
+        sentences.append(f"after: with the setting of the highest mean, which is not taken: {best}")
+    lines = "".join(f"<p>{html.escape(line)}</p>" for line in sentences)
     rows = []
     for one, pair, before, after in list(zip(labelled, masks, tuned.before, tuned.after, strict=True))[:MOST_SHOWN]:
         name = html.escape(printable(one.name))
@@ -130,7 +130,7 @@ _FOUND, _MISSED, _LEAKED = (90, 200, 60), (220, 120, 40), (30, 140, 255)
 """BGR."""
 
 
-def _picture(one: Labelled, mask: NDArray[np.bool_]) -> str:
+def _picture(one: LabelledImage, mask: NDArray[np.bool_]) -> str:
     """The image with what was found, missed and leaked, as a data address."""
     step = max(1, -(-one.image.shape[1] // WIDEST))
     image, truth, found = one.image[::step, ::step], one.truth[::step, ::step], mask[::step, ::step]

@@ -39,7 +39,7 @@ SHARED = "gradient"
 """The edge source whose maps many settings share; one that chooses for itself would not ask for the thresholds."""
 
 
-def applied(params: Parameters, setting: Setting) -> Parameters:
+def with_setting(params: Parameters, setting: Setting) -> Parameters:
     """The parameters with a setting."""
     for key, value in setting.items():
         section, _, name = key.partition(".")

@@ -25,7 +25,7 @@ from ffseg.evidence.features import (
 from ffseg.evidence.forest import Forest, Model
 from ffseg.evidence.openings import OPEN
 from ffseg.evidence.prior import prior
-from ffseg.image.exposure import exposed
+from ffseg.image.exposure import normalised_exposure
 from ffseg.metrics import IGNORED, INSIDE, OUTSIDE
 from ffseg.plugins import require
 
@@ -144,7 +144,7 @@ def samples(example: Example) -> Samples:
     UsageError
         If the mask knows no pixel inside, or none outside.
     """
-    rng, image = np.random.default_rng(0), exposed(example.image)
+    rng, image = np.random.default_rng(0), normalised_exposure(example.image)
     rows, labels, odds = [], [], []
     for start in starts_in(example, rng):
         seen = features(image, start, names=KNOWN)
@@ -287,7 +287,7 @@ def trusting(forest: Forest, odds: float = TRUST) -> Forest:
 
 
 @dataclass(frozen=True, slots=True)
-class Beginning:
+class BaseChoice:
     """Whether masks correct the base, and by what that was decided: mean IoU on the pixels of their samples.
 
     Attributes
@@ -306,7 +306,7 @@ class Beginning:
     taught: float | None
 
 
-def beginning(chosen: Sequence[Samples], odds: Sequence[Odds]) -> Beginning:
+def choose_base(chosen: Sequence[Samples], odds: Sequence[Odds]) -> BaseChoice:
     """Whether the base, which gives these log odds, is corrected: where it serves, or the masks teach each other less.
 
     Notes
@@ -314,12 +314,12 @@ def beginning(chosen: Sequence[Samples], odds: Sequence[Odds]) -> Beginning:
     One mask always corrects it: on all four sets of photographs that is better than to begin from nothing.
     """
     own, enough = mean_overlap(odds, [one.inside for one in chosen]), enough_of(len(chosen))
-    taught = None if own >= enough or len(chosen) < 2 else _taught_by_others(chosen)
-    return Beginning(own >= enough or taught is None or own > taught, own, enough, taught)
+    taught = None if own >= enough or len(chosen) < 2 else _left_out_overlap(chosen)
+    return BaseChoice(own >= enough or taught is None or own > taught, own, enough, taught)
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class PriorChoice:
     """Whether a model asks the prior too, and by what that was decided: mean IoU on the pixels of the samples.
 
     Attributes
@@ -341,7 +341,7 @@ class Asked:
     both: float | None = None
 
 
-def asking(chosen: Sequence[Samples], *, corrected: bool = False) -> Asked | None:
+def choose_prior(chosen: Sequence[Samples], *, corrected: bool = False) -> PriorChoice | None:
     """Whether the prior is asked: where it adds to what the masks teach each other; None where its odds are not known.
 
     Parameters
@@ -360,11 +360,11 @@ def asking(chosen: Sequence[Samples], *, corrected: bool = False) -> Asked | Non
         return None
     own = mean_overlap(odds, inside)
     if len(chosen) < 2:
-        return Asked(own >= enough_of(1), own, enough_of(1))
-    told, few = _told_by_others(tuple(chosen), corrected=corrected), [one[::THIN] for one in inside]
-    both = [one + np.float32(PRIOR_WEIGHT) * known[::THIN] for one, known in zip(told, odds, strict=True)]
-    taught, helped = mean_overlap(told, few), mean_overlap(both, few)
-    return Asked(helped > taught, own, taught=taught, both=helped)
+        return PriorChoice(own >= enough_of(1), own, enough_of(1))
+    odds_of_others, few = _left_out_odds(tuple(chosen), corrected=corrected), [one[::THIN] for one in inside]
+    both = [one + np.float32(PRIOR_WEIGHT) * known[::THIN] for one, known in zip(odds_of_others, odds, strict=True)]
+    taught, helped = mean_overlap(odds_of_others, few), mean_overlap(both, few)
+    return PriorChoice(helped > taught, own, taught=taught, both=helped)
 
 
 def learn(chosen: Sequence[Samples], *, searched: bool = True) -> Model:
@@ -373,7 +373,7 @@ def learn(chosen: Sequence[Samples], *, searched: bool = True) -> Model:
 
 
 def grown(chosen: Sequence[Samples], trees: int = TREES) -> Model:
-    """A model of what lies inside: its forest (see `grow_inside`), and the prior where it is asked (see `asking`).
+    """A model of what lies inside: its forest (see `grow_inside`), and the prior where it is asked (see `choose_prior`).
 
     Notes
     -----
@@ -381,15 +381,15 @@ def grown(chosen: Sequence[Samples], trees: int = TREES) -> Model:
     the set, that gives floors an IoU higher by .02, .01, .02 and .01, things one by 0, .10, .03 and .07, mirrors (of
     one to three masks) one by .03, .03 and 0; road frames, of which it knows little, .02 less from two masks, else the same.
     """
-    inside, begun = grow_inside(chosen, trees)
-    asked = asking(chosen, corrected=begun.corrected)
-    about = {"base": asdict(begun), "prior": None if asked is None else asdict(asked)}
-    weight = PRIOR_WEIGHT if asked is not None and asked.asked else 0.0
+    inside, base_choice = grow_inside(chosen, trees)
+    prior_choice = choose_prior(chosen, corrected=base_choice.corrected)
+    about = {"base": asdict(base_choice), "prior": None if prior_choice is None else asdict(prior_choice)}
+    weight = PRIOR_WEIGHT if prior_choice is not None and prior_choice.asked else 0.0
     return Model(inside, None, about=about, exposed=True, prior=weight)
 
 
-def grow_inside(chosen: Sequence[Samples], trees: int = TREES) -> tuple[Forest, Beginning]:
-    """The forest that tells what lies inside: the base, corrected, or one of the masks' own; and which (see `beginning`).
+def grow_inside(chosen: Sequence[Samples], trees: int = TREES) -> tuple[Forest, BaseChoice]:
+    """The forest that tells what lies inside: the base, corrected, or one of the masks' own; and which (see `choose_base`).
 
     Notes
     -----
@@ -402,21 +402,23 @@ def grow_inside(chosen: Sequence[Samples], trees: int = TREES) -> tuple[Forest, 
     either; it is (``TRUST``), which gives floors, mirrors and road frames .01 to .02 more, things .01 less.
     """
     odds = [odds_of(base(), one.rows) for one in chosen]
-    begun = beginning(chosen, odds)
+    base_choice = choose_base(chosen, odds)
     alone = len(chosen) == 1
-    known = begun.corrected and not (alone and begun.base < begun.enough)
-    found = grow(chosen, trees=round(trees * CORRECTED) if known else trees, begin=odds if begun.corrected else None)
-    if begun.corrected:
+    known = base_choice.corrected and not (alone and base_choice.base < base_choice.enough)
+    found = grow(
+        chosen, trees=round(trees * CORRECTED) if known else trees, begin=odds if base_choice.corrected else None
+    )
+    if base_choice.corrected:
         found = joined(base(), found)
-    return trusting(found) if alone else found, begun
+    return trusting(found) if alone else found, base_choice
 
 
-def _taught_by_others(chosen: Sequence[Samples]) -> float:
-    return mean_overlap(_told_by_others(tuple(chosen), corrected=False), [one.inside[::THIN] for one in chosen])
+def _left_out_overlap(chosen: Sequence[Samples]) -> float:
+    return mean_overlap(_left_out_odds(tuple(chosen), corrected=False), [one.inside[::THIN] for one in chosen])
 
 
 @lru_cache(maxsize=1)  # of masks that leave the base aside both decisions ask
-def _told_by_others(chosen: tuple[Samples, ...], *, corrected: bool) -> list[Odds]:
+def _left_out_odds(chosen: tuple[Samples, ...], *, corrected: bool) -> list[Odds]:
     """Log odds of some pixels of each image, of a small forest grown on the others alone, or correcting the base."""
     thin = [Samples(one.rows[::THIN], one.inside[::THIN]) for one in chosen]
     begin = [odds_of(base(), one.rows) for one in thin] if corrected else None
@@ -424,8 +426,8 @@ def _told_by_others(chosen: tuple[Samples, ...], *, corrected: bool) -> list[Odd
     for number, left_out in enumerate(thin):
         others, begun = thin[:number] + thin[number + 1 :], begin and begin[:number] + begin[number + 1 :]
         forest = converted(_boosted(others, TAUGHT, round(TREES * CORRECTED), RATE, begun), TAUGHT)
-        told = odds_of(forest, left_out.rows)
-        odds.append(told if begin is None else told + begin[number])
+        odds_of_others = odds_of(forest, left_out.rows)
+        odds.append(odds_of_others if begin is None else odds_of_others + begin[number])
     return odds
 
 

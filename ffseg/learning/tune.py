@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from ffseg.contour import bounded
 from ffseg.errors import SegmentationError
 from ffseg.image.edges import EdgeMap
-from ffseg.learning.choice import Trial, Tried
-from ffseg.learning.gather import Labelled, known_share
-from ffseg.learning.space import MOST_SETTINGS, SHARED, Setting, applied, levels, settings
+from ffseg.learning.choice import Trial, Trials
+from ffseg.learning.gather import LabelledImage, known_share
+from ffseg.learning.space import MOST_SETTINGS, SHARED, Setting, levels, settings, with_setting
 from ffseg.metrics import iou
 from ffseg.parameters import Parameters
 from ffseg.pipeline import segment, with_domain, with_evidence, with_method, with_starts
@@ -38,7 +38,7 @@ Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Tuned:
+class TuningResult:
     """What tuning came to.
 
     Attributes
@@ -76,7 +76,7 @@ class Tuned:
 class Bench:
     """Images on which settings are tried; edge maps are shared by the settings that ask for the same."""
 
-    def __init__(self, labelled: Sequence[Labelled]) -> None:
+    def __init__(self, labelled: Sequence[LabelledImage]) -> None:
         self._labelled = labelled
         self._maps: dict[tuple[object, ...], EdgeMap] = {}
         self._bytes = 0
@@ -93,7 +93,7 @@ class Bench:
     def mask(self, number: int, setting: Setting) -> NDArray[np.bool_] | None:
         """The region on one image; None where it cannot be segmented."""
         one = self._labelled[number]
-        params = applied(one.params, {key: value for key, value in setting.items() if key not in one.fixed})
+        params = with_setting(one.params, {key: value for key, value in setting.items() if key not in one.fixed})
         try:
             shared = params.edges.source == SHARED and params.edges.model is None
             edges = self._edges(number, params) if shared else None
@@ -116,8 +116,8 @@ class Bench:
         return self._maps[key]
 
 
-def tune(labelled: Sequence[Labelled], budget: float, tell: Tell) -> Tuned:
-    """Try settings for about `budget` seconds; `Tried` says which is taken."""
+def tune(labelled: Sequence[LabelledImage], budget: float, tell: Tell) -> TuningResult:
+    """Try settings for about `budget` seconds; `Trials` says which is taken."""
     begin = time.monotonic()
     bench, count = Bench(labelled), len(labelled)
     plain, trials = bench.tried({}), list[Trial]()
@@ -126,8 +126,8 @@ def tune(labelled: Sequence[Labelled], budget: float, tell: Tell) -> Tuned:
     modelled = params.edges.model is not None
     source = iter(()) if modelled else settings()
     end = begin + (1 if modelled else LEVELS_SHARE) * budget
-    wanted = levels(params)
-    moved = [bench.tried(setting) for setting in wanted if time.monotonic() < end]
+    probabilities = levels(params)
+    moved = [bench.tried(setting) for setting in probabilities if time.monotonic() < end]
     while time.monotonic() - begin < budget:
         bracket = [Trial(setting) for setting in islice(source, BRACKET)]
         if not bracket:
@@ -137,10 +137,10 @@ def tune(labelled: Sequence[Labelled], budget: float, tell: Tell) -> Tuned:
         tell(f"{len(moved) + len(trials)} settings tried, best {_best([plain, *moved, *trials], count).mean:.3f}")
     if modelled:
         tell(f"{len(moved)} levels tried, best {_best([plain, *moved], count).mean:.3f}")
-    tried = Tried(plain, params.region.probability, moved, [it for it in trials if len(it.found) == count])
+    tried = Trials(plain, params.region.probability, moved, [it for it in trials if len(it.found) == count])
     taken = tried.chosen(tried.images)
     best = tried.best() if taken is plain else taken
-    found = Tuned(
+    found = TuningResult(
         setting=taken.setting,
         best=best.setting,
         before=tuple(plain.found.values()),
@@ -150,12 +150,14 @@ def tune(labelled: Sequence[Labelled], budget: float, tell: Tell) -> Tuned:
         tried=len(moved) + len(trials),
         seconds=0.0,
         known=known_share(labelled),
-        left=len(wanted) + (0 if modelled else MOST_SETTINGS) - len(moved) - len(trials),
+        left=len(probabilities) + (0 if modelled else MOST_SETTINGS) - len(moved) - len(trials),
     )
     return replace(found, seconds=time.monotonic() - begin)
 
 
-def before_and_after(labelled: Sequence[Labelled], tuned: Tuned) -> list[tuple[NDArray[np.bool_], NDArray[np.bool_]]]:
+def before_and_after(
+    labelled: Sequence[LabelledImage], tuned: TuningResult
+) -> list[tuple[NDArray[np.bool_], NDArray[np.bool_]]]:
     """The region on each image with the parameters as they were, and with the best setting; empty where there is none."""
     bench = Bench(labelled)
     pairs = []

@@ -30,7 +30,7 @@ def budget(scene: Scene, to_pixel: int) -> int:
     return LEAST + to_pixel * pixels
 
 
-def advanced(advance: Callable[[int], bool], scene: Scene, now: Callable[[], Progress]) -> None:
+def evolve(advance: Callable[[int], bool], scene: Scene, now: Callable[[], Progress]) -> None:
     """Let an evolution go on until it ends; the scene's callback hears of the start and of where it is on the way."""
     if scene.callback is None:
         advance(ENDLESS + 1)

@@ -9,7 +9,7 @@ from ffseg.errors import ParameterError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import packed, unpacked
 from ffseg.image.edges import GRADIENT_SCALE
-from ffseg.methods.effort import advanced, budget, iterations, stats_of
+from ffseg.methods.effort import budget, evolve, iterations, stats_of
 from ffseg.native import _core
 from ffseg.parameters import STILL, Parameters
 from ffseg.scene import BlockedStartError, Outcome, Progress, Scene
@@ -73,7 +73,7 @@ def run(scene: Scene) -> Outcome:
         contours = unpacked(points, offsets, params.contour.degree)
         return tuple(c.reversed() for c in contours) if shrinking else contours
 
-    advanced(evolution.advance, scene, lambda: Progress(evolution.counts()["iterations"], current()))
+    evolve(evolution.advance, scene, lambda: Progress(evolution.counts()["iterations"], current()))
     evolution.settle(edge_map.gradient)
     contours = current()
     if all(contour.signed_area < 0 for contour in contours):  # turned inside out where an image is narrower than a step

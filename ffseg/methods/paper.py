@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ffseg.geometry.ragged import packed, unpacked
-from ffseg.methods.effort import advanced, budget, iterations, stats_of
+from ffseg.methods.effort import budget, evolve, iterations, stats_of
 from ffseg.native import _core
 from ffseg.scene import Outcome, Progress, Scene
 
@@ -29,7 +29,7 @@ def run(scene: Scene) -> Outcome:
     -----
     In every iteration long patches are split (Algorithm 2) and short ones joined (the footnote on pruning), patches that
     meet are flipped (Algorithm 3, in the order that connects), and the samples of every patch move along their normals:
-    in homogeneous ground by ``balloon * F_diff`` (Eq. 8), round an edge up the slope of the edge force. It ends when
+    in even areas by ``balloon * F_diff`` (Eq. 8), round an edge up the slope of the edge force. It ends when
     at most one sample in a hundred moves by a tenth of a pixel. What the paper leaves open is listed in docs/method.md.
     """
     evolution = _evolution(scene)
@@ -39,7 +39,7 @@ def run(scene: Scene) -> Outcome:
         contours = unpacked(points, offsets, scene.params.contour.degree)
         return Progress(evolution.counts()["iterations"], contours)
 
-    advanced(evolution.advance, scene, current)
+    evolve(evolution.advance, scene, current)
     last = current()
     if scene.callback is not None:
         scene.callback(last)

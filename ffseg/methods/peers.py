@@ -186,7 +186,7 @@ def edge_parameters(name: str, edges: Edges, peers: PeerParameters) -> Edges:
     return edges if peers.shared_edges or not PEERS[name].uses_edges else replace(edges, sigma=sigma)
 
 
-def configured(params: Parameters, name: str, peers: PeerParameters | None = None) -> tuple[Parameters, object]:
+def method_parameters(params: Parameters, name: str, peers: PeerParameters | None = None) -> tuple[Parameters, object]:
     """Parameters and options a method is run with: a peer has its own section, and its own sigma."""
     if name not in PEERS:
         return params, None

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
-from ffseg.methods.effort import advanced, budget, iterations
+from ffseg.methods.effort import budget, evolve, iterations
 from ffseg.native import _core
 from ffseg.scene import LONGEST_MARCH, Outcome, Progress, Scene, Stats, check_sides
 
@@ -67,7 +67,7 @@ def run(scene: Scene) -> Outcome:
         _options(scene),
     )
     initial = len(snake.points())
-    advanced(snake.advance, scene, lambda: Progress(snake.iterations, _contours(snake)))
+    evolve(snake.advance, scene, lambda: Progress(snake.iterations, _contours(snake)))
     contours = _contours(snake)
     if scene.callback is not None:
         scene.callback(Progress(snake.iterations, contours))
@@ -80,8 +80,8 @@ def _points(start: FreeForm, spacing: float) -> NDArray[np.float64]:
     closed = np.concatenate([polygon, polygon[:1]])
     at = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(closed, axis=0).T))])
     count = max(FEWEST_POINTS, round(at[-1] / (START_SPACING * spacing)))
-    wanted = np.arange(count) * (at[-1] / count)
-    return np.stack([np.interp(wanted, at, closed[:, axis]) for axis in (0, 1)], axis=1)
+    spaced = np.arange(count) * (at[-1] / count)
+    return np.stack([np.interp(spaced, at, closed[:, axis]) for axis in (0, 1)], axis=1)
 
 
 def _options(scene: Scene) -> _core.SnakeOptions:

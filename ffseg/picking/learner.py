@@ -73,7 +73,7 @@ class Background:
             process.terminate()
 
 
-def figures_said(document: str) -> tuple[str, list[str], bool]:
+def learn_summary(document: str) -> tuple[str, list[str], bool]:
     """What ``ffseg learn --json`` has found: a line to show, images the least sure first, and whether the model is of use."""
     found = json.loads(document)
     iou, without = found["iou"], found["without"]
@@ -172,7 +172,7 @@ class Work:
         return True
 
     def _say(self, figures: str) -> tuple[bool, bool]:
-        self.line, self.order, of_use = figures_said(figures)
+        self.line, self.order, of_use = learn_summary(figures)
         self.line += "" if of_use else "; it is not used"
         return of_use, json.loads(figures)["iou"] is not None
 

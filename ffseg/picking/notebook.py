@@ -142,10 +142,10 @@ def pick(
         raise UsageError(
             f"images is of type {type(images).__name__}; give a folder, a file, an array, or a list of them"
         )
-    given = [images] if isinstance(images, str | os.PathLike | np.ndarray) else list(images)
-    inputs = [os.fspath(one) for one in given if isinstance(one, str | os.PathLike)]
+    entries = [images] if isinstance(images, str | os.PathLike | np.ndarray) else list(images)
+    inputs = [os.fspath(one) for one in entries if isinstance(one, str | os.PathLike)]
     chosen = parameter_set(params)
-    arrays = [taken_image(one, rgb, chosen.input.range) for one in given if not isinstance(one, str | os.PathLike)]
+    arrays = [taken_image(one, rgb, chosen.input.range) for one in entries if not isinstance(one, str | os.PathLike)]
     if arrays:
         folder = os.path.join(target, "images")
         make_folder(folder)

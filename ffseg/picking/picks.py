@@ -47,7 +47,7 @@ class Stroke:
 
 
 @dataclass(frozen=True, slots=True)
-class Picked:
+class ImagePicks:
     """What is picked in one image: all that its region is made from.
 
     Attributes
@@ -75,7 +75,7 @@ class Picked:
     base: str = ""
 
     @property
-    def unpainted(self) -> Picked:
+    def unpainted(self) -> ImagePicks:
         """What the region below the strokes is made from."""
         return replace(self, strokes=(), status="open", base="")
 
@@ -99,7 +99,7 @@ class Picked:
         return None if start == Start() else start
 
     @classmethod
-    def read(cls, document: object) -> Picked:
+    def read(cls, document: object) -> ImagePicks:
         """From JSON, which `dataclasses.asdict` gives.
 
         Raises
@@ -110,8 +110,8 @@ class Picked:
         try:
             if not isinstance(document, Mapping):
                 raise TypeError("it is no object")
-            given: Mapping[str, Any] = document
-            starts, nots, boxes, strokes = (given.get(kind) or () for kind in ("starts", "nots", "boxes", "strokes"))
+            values: Mapping[str, Any] = document
+            starts, nots, boxes, strokes = (values.get(kind) or () for kind in ("starts", "nots", "boxes", "strokes"))
             if max(map(len, (starts, nots, boxes, strokes))) > MOST:
                 raise ValueError(f"more than {MOST} of one kind")
             picked = cls(
@@ -119,10 +119,10 @@ class Picked:
                 _rows(nots, 3),
                 _rows(boxes, 4),
                 tuple(map(_stroke, strokes)),
-                _value(given.get("probability"), "probability"),
-                _value(given.get("clearance"), "clearance"),
-                given.get("status", "open"),
-                given.get("base") or "",
+                _value(values.get("probability"), "probability"),
+                _value(values.get("clearance"), "clearance"),
+                values.get("status", "open"),
+                values.get("base") or "",
             )
         except (TypeError, ValueError, KeyError, OverflowError) as error:
             raise UsageError(f"what was picked cannot be read ({error}); load the page again") from error
@@ -164,7 +164,7 @@ def _value(value: object, kind: str) -> float | None:
     return None if value is None else min(high, max(low, _number(value)))
 
 
-def painted(mask: NDArray[np.bool_], strokes: tuple[Stroke, ...], factor: float = 1.0) -> NDArray[np.bool_]:
+def paint_strokes(mask: NDArray[np.bool_], strokes: tuple[Stroke, ...], factor: float = 1.0) -> NDArray[np.bool_]:
     """The mask with strokes painted over it, by the pixel-centre rule.
 
     Parameters
@@ -194,7 +194,7 @@ def _paint(mask: NDArray[np.bool_], a: NDArray[np.float64], b: NDArray[np.float6
 
 
 @dataclass(slots=True)
-class Track:
+class History:
     """The steps in one image: what was, what is, and what an undone step can give back.
 
     Attributes
@@ -205,19 +205,19 @@ class Track:
         Bytes of the image's file at the last step: of another file they are others.
     """
 
-    now: Picked = field(default_factory=Picked)
-    past: list[Picked] = field(default_factory=list)
-    future: list[Picked] = field(default_factory=list)
+    now: ImagePicks = field(default_factory=ImagePicks)
+    past: list[ImagePicks] = field(default_factory=list)
+    future: list[ImagePicks] = field(default_factory=list)
     version: int = 0
     accepted: bool = False
     size: int | None = None
 
-    def after(self, do: str, picked: Picked | None = None) -> Picked | None:
+    def after(self, do: str, picked: ImagePicks | None = None) -> ImagePicks | None:
         """What a step leads to: ``pick``, ``undo`` or ``redo``; None where there is nothing to be undone or redone."""
         steps = {"undo": self.past, "redo": self.future}.get(do, [picked])
         return steps[-1] if steps else None
 
-    def step(self, do: str, picked: Picked | None = None) -> bool:
+    def step(self, do: str, picked: ImagePicks | None = None) -> bool:
         """Take a step; False where there is nothing to be undone or redone."""
         after = self.after(do, picked)
         if after is None:
@@ -255,7 +255,7 @@ class Journal:
 
     def __init__(self, path: str) -> None:
         self._path, self.last = path, ""
-        self.tracks: dict[str, Track] = {}
+        self.tracks: dict[str, History] = {}
         try:
             self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | OWN | os.O_APPEND, 0o666)
             with os.fdopen(os.dup(self._descriptor), "rb") as file:
@@ -271,7 +271,7 @@ class Journal:
     def _replay(self, number: int, line: bytes) -> None:
         try:
             entry = json.loads(line)
-            picked = Picked.read(entry["picked"]) if entry["do"] == "pick" else None
+            picked = ImagePicks.read(entry["picked"]) if entry["do"] == "pick" else None
             track = self.track(entry["image"])
             track.step(entry["do"], picked)
             track.size = entry.get("size")
@@ -281,11 +281,11 @@ class Journal:
                 f"{printable(self._path)}:{number} is no step of ffseg pick ({error}); restore it"
             ) from error
 
-    def track(self, image: str) -> Track:
+    def track(self, image: str) -> History:
         """The steps in an image."""
-        return self.tracks.setdefault(image, Track())
+        return self.tracks.setdefault(image, History())
 
-    def add(self, image: str, do: str, picked: Picked | None = None, size: int | None = None) -> bool:
+    def add(self, image: str, do: str, picked: ImagePicks | None = None, size: int | None = None) -> bool:
         """Take a step and keep it, with the bytes of the image's file; False where there is none to take.
 
         `take_back` gives back what was before the last one.
@@ -335,7 +335,7 @@ class Journal:
         os.ftruncate(self._descriptor, before.st_size)
         self.tracks[image] = track
 
-    def names(self, wanted: Callable[[Track], bool]) -> list[str]:
+    def names(self, wanted: Callable[[History], bool]) -> list[str]:
         """Images whose steps are so."""
         return [image for image, track in self.tracks.items() if wanted(track)]
 

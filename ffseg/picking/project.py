@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.batch.outputs.encoding import path_from
-from ffseg.batch.plan.sources import Source
+from ffseg.batch.plan.sources import InputImage
 from ffseg.batch.report.folder import OutputFolder
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.image.polygons import polygons
@@ -36,8 +36,8 @@ from ffseg.io.masks import decode_mask, encode_mask
 from ffseg.io.starts import Start, starts_table
 from ffseg.parameter_text import as_settings, non_defaults, yaml_lines
 from ffseg.parameters import Parameters
-from ffseg.picking.picks import Journal, Picked, Track
-from ffseg.picking.scene import Found
+from ffseg.picking.open_image import PickedRegion
+from ffseg.picking.picks import History, ImagePicks, Journal
 
 JOURNAL, STARTS, SETTINGS, MODEL, COMMAND = "picks.jsonl", "starts.csv", "pick.yaml", "model.ffmodel", "run.sh"
 LEARNED, KEPT = "learned.json", "kept.json"
@@ -74,7 +74,7 @@ class Project:
     def __init__(
         self,
         folder: str,
-        sources: Sequence[Source],
+        sources: Sequence[InputImage],
         inputs: Sequence[str],
         params: Parameters,
         *,
@@ -115,7 +115,7 @@ class Project:
         """The mask of an image of this relative name."""
         return os.path.join(folder or self.path(MASKS), f"{os.path.splitext(name)[0]}.png")
 
-    def track(self, index: int) -> Track:
+    def track(self, index: int) -> History:
         """The steps in an image."""
         return self.journal.track(self.sources[index].name)
 
@@ -151,12 +151,12 @@ class Project:
             return decode_mask(read_bytes(self.mask_path(name, self.path(folder)), MOST_BYTES))
         return None
 
-    def take(self, source: Source, mask: bytes) -> None:
+    def take(self, source: InputImage, mask: bytes) -> None:
         """Take a mask that was drawn elsewhere as that of an image in which nothing was picked, and accept it."""
         path = self.mask_path(source.name, self.path(IMPORTED))
         make_folder(os.path.dirname(path))
         write_bytes_atomic(path, mask)
-        self.journal.add(source.name, "pick", Picked(status="accepted"), size_of(source.path))
+        self.journal.add(source.name, "pick", ImagePicks(status="accepted"), size_of(source.path))
 
     def count(self, status: str) -> int:
         """Images of a status other than ``open``."""
@@ -171,12 +171,12 @@ class Project:
         write_bytes_atomic(self.mask_path(digest, self.path(REGIONS)), data)
         return digest
 
-    def keep(self, source: Source, found: Found | None, picture: bytes = b"") -> None:
+    def keep(self, source: InputImage, found: PickedRegion | None, picture: bytes = b"") -> None:
         """Bring the files up to what the journal says, all or none.
 
         Parameters
         ----------
-        found : Found or None
+        found : PickedRegion or None
             The region of an accepted image.
         picture : bytes
             Its picture, for LabelMe, where it has no file of its own.
@@ -207,8 +207,8 @@ class Project:
         """The mask of an accepted image and its file for LabelMe."""
         return self.mask_path(name), f"{self.mask_path(name, self.path(LABELS))[:-4]}.json"
 
-    def _labelme(self, source: Source, found: Found, path: str, picture: bytes) -> bytes:
-        (height, width), place = found.mask.shape, path_from(path, source.told)
+    def _labelme(self, source: InputImage, found: PickedRegion, path: str, picture: bytes) -> bytes:
+        (height, width), place = found.mask.shape, path_from(path, source.display_path)
         regions, shown = polygons(found.mask, found.contours), b64encode(picture).decode("ascii")
         image = AnnotatedImage(place, width, height, regions, self.label or "region", shown)
         return json_text(labelme_document(image)).encode("ascii")

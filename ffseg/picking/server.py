@@ -166,7 +166,7 @@ class Handler(BaseHTTPRequestHandler):
             if not 0 <= index < len(self.server.session.sources):
                 raise IndexError(index)
             with self.server.working():
-                picture = self.server.session.scene(index).picture()
+                picture = self.server.session.open_image(index).picture()
             self._send(200, picture, "image/jpeg", keep=True)
         else:
             self._send(404, b"there is no such page\n", "text/plain")
@@ -177,29 +177,31 @@ class Handler(BaseHTTPRequestHandler):
             self.close_connection = True
             self._json(400, {"error": "too much, or no JSON"})
             return
-        asked = json.loads(self.rfile.read(length) or b"{}")
-        if not isinstance(asked, dict):
+        request = json.loads(self.rfile.read(length) or b"{}")
+        if not isinstance(request, dict):
             raise TypeError("no object")
         begin = perf_counter()
         with self.server.working():
-            answer = self._asked(path, asked)
+            answer = self._dispatch(path, request)
         self._json(200, answer | {"server_ms": round((perf_counter() - begin) * 1e3, 2)})
 
-    def _asked(self, path: str, asked: dict[str, Any]) -> dict[str, Any]:
+    def _dispatch(self, path: str, request: dict[str, Any]) -> dict[str, Any]:
         session = self.server.session
         if path == "about":
             return session.about()
-        label, index = int(asked.get("label", 0)), int(asked.get("image", 0))
+        label, index = int(request.get("label", 0)), int(request.get("image", 0))
         if not (0 <= label < len(session.labels) and 0 <= index < len(session.sources)):
             raise IndexError(index)
         match path:
             case "image":
                 return session.image(label, index)
             case "find":
-                return session.find(label, index, asked["picked"], quick=bool(asked.get("quick")))
+                return session.find(label, index, request["picked"], quick=bool(request.get("quick")))
             case "change":
-                seen = str(asked.get("picture", ""))
-                return session.change(label, index, int(asked["version"]), str(asked["do"]), asked.get("picked"), seen)
+                seen = str(request.get("picture", ""))
+                return session.change(
+                    label, index, int(request["version"]), str(request["do"]), request.get("picked"), seen
+                )
             case "statuses":
                 return {"statuses": session.statuses(label)}
             case "following":

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ffseg.batch.plan.beside import find_domains
 from ffseg.batch.plan.jobs import make_plan
 from ffseg.batch.plan.reading import place_of
-from ffseg.batch.plan.sources import Source
+from ffseg.batch.plan.sources import InputImage
 from ffseg.batch.record.lock import OutputLock
 from ffseg.batch.report.folder import read_folder
 from ffseg.batch.values import Mark
@@ -33,9 +33,9 @@ from ffseg.io.starts import check_starts
 from ffseg.parameter_text import as_settings
 from ffseg.parameters import Parameters, load_params
 from ffseg.picking.learner import Work
-from ffseg.picking.picks import Picked
+from ffseg.picking.open_image import OpenImage, PickedRegion
+from ffseg.picking.picks import ImagePicks
 from ffseg.picking.project import REGIONS, RUN, STARTS, Project, size_of
-from ffseg.picking.scene import Found, Scene
 from ffseg.pipeline import outlines_of
 from ffseg.plugins import check_source
 from ffseg.schema.kinds import names_code
@@ -86,7 +86,7 @@ class Session:
             raise UsageError("--labels: a class is named twice; name each once")
         self.inputs, self.out = [place_of(one) for one in inputs], out
         planned = make_plan(inputs, os.path.join(out, RUN))
-        self.sources: list[Source] = [job.source for job in planned.jobs if not job.source.problem]
+        self.sources: list[InputImage] = [job.source for job in planned.jobs if not job.source.problem]
         if not self.sources:
             raise UsageError("no image can be opened; check the folder")
         self._masks = named_masks(params)
@@ -120,7 +120,7 @@ class Session:
             project = Project(folder, self.sources, self.inputs, params, review=review, label=label)
             held.callback(project.journal.close)
             self.projects.append(project)
-        self._scenes: OrderedDict[int, Scene] = OrderedDict()
+        self._opened: OrderedDict[int, OpenImage] = OrderedDict()
         self._marks: dict[int, Mark] = {}
         self._opening, self._changing = threading.Lock(), threading.RLock()
         self._work = [Work(project, self.forget, self._changing) for project in self.projects]
@@ -172,7 +172,7 @@ class Session:
             if source.name not in labels.regions:
                 continue
             try:
-                shape = self.scene(index).shape
+                shape = self.open_image(index).shape
             except ImageReadError:  # the page says why
                 continue
             for project in self.projects:
@@ -185,7 +185,7 @@ class Session:
         """Images whose file is newer than the mask, or of another size than at the last step: another may have been meant."""
         return [one.name for one in self.sources if any(_replaced(one, project) for project in self.projects)]
 
-    def scene(self, index: int) -> Scene:
+    def open_image(self, index: int) -> OpenImage:
         """An image, decoded; anew where its file has changed.
 
         Raises
@@ -196,14 +196,14 @@ class Session:
         source = self.sources[index]
         with self._opening:
             mark = mark_of(source.path)
-            if index not in self._scenes or self._marks[index] != mark:
+            if index not in self._opened or self._marks[index] != mark:
                 self._marks[index] = mark
                 masks = self._masks.within(self._domains.get(source.name, ""))
-                self._scenes[index] = Scene(read_source(source, levels=self._levels), masks)
-                while len(self._scenes) > MOST_OPEN:
-                    self._scenes.popitem(last=False)
-            self._scenes.move_to_end(index)
-            return self._scenes[index]
+                self._opened[index] = OpenImage(read_source(source, levels=self._levels), masks)
+                while len(self._opened) > MOST_OPEN:
+                    self._opened.popitem(last=False)
+            self._opened.move_to_end(index)
+            return self._opened[index]
 
     def picture_address(self, index: int) -> str:
         """Of the image's picture on the page: another one for another file."""
@@ -212,8 +212,8 @@ class Session:
     def forget(self) -> None:
         """Find regions anew: a model is another one."""
         with self._opening:
-            for scene in self._scenes.values():
-                scene.forget()
+            for open_image in self._opened.values():
+                open_image.forget()
 
     def about(self) -> dict[str, Any]:
         """What the page is told once."""
@@ -230,7 +230,7 @@ class Session:
         """What is picked in an image, and what the page shows; else why it cannot be."""
         track, problem = self.projects[label].track(index), ""
         try:
-            height, width = self.scene(index).shape
+            height, width = self.open_image(index).shape
         except ImageReadError as error:
             height, width, problem = 1, 1, str(error)
         return {
@@ -253,24 +253,24 @@ class Session:
         picked = self._picked(project, index, document)
         if picked.status == "accepted" and picked == project.track(index).now:
             mask = project.mask(self.sources[index].name)
-            if mask is not None and mask.shape == self.scene(index).shape:
-                return Found(mask, outlines_of(mask), source="mask").document()
+            if mask is not None and mask.shape == self.open_image(index).shape:
+                return PickedRegion(mask, outlines_of(mask), source="mask").document()
         return self._found(project, index, picked, quick=quick).document()
 
-    def _picked(self, project: Project, index: int, document: object) -> Picked:
+    def _picked(self, project: Project, index: int, document: object) -> ImagePicks:
         """What a page says; a stroke more on what is accepted changes no more than it paints."""
-        picked, now = Picked.read(document), project.track(index).now
+        picked, now = ImagePicks.read(document), project.track(index).now
         painted = now.status == picked.status == "accepted" and picked.unpainted == now.unpainted
         return replace(picked, base=now.base if painted else "")
 
-    def _found(self, project: Project, index: int, picked: Picked, *, quick: bool = False) -> Found:
-        scene = self.scene(index)
+    def _found(self, project: Project, index: int, picked: ImagePicks, *, quick: bool = False) -> PickedRegion:
+        open_image = self.open_image(index)
         kept = project.mask(picked.base, REGIONS) if picked.base else None
-        if kept is not None and kept.shape == scene.shape:
-            return scene.find(Picked(strokes=picked.strokes), project.params, kept, quick=quick)
+        if kept is not None and kept.shape == open_image.shape:
+            return open_image.find(ImagePicks(strokes=picked.strokes), project.params, kept, quick=quick)
         base = project.base(self.sources[index].name)
-        fits = base is not None and base.shape == scene.shape
-        return scene.find(picked, project.params, base if fits else None, quick=quick)
+        fits = base is not None and base.shape == open_image.shape
+        return open_image.find(picked, project.params, base if fits else None, quick=quick)
 
     def change(
         self, label: int, index: int, version: int, do: str, document: object = None, seen: str = ""
@@ -320,7 +320,7 @@ class Session:
         )
         if index < 0:  # of an image that is not among these
             return
-        found: Found | None = None
+        found: PickedRegion | None = None
         if now.status == "accepted":
             try:
                 found = self._found(project, index, now)
@@ -331,12 +331,12 @@ class Session:
                 found = None
         self._keep(project, index, found)
 
-    def _keep(self, project: Project, index: int, found: Found | None) -> None:
+    def _keep(self, project: Project, index: int, found: PickedRegion | None) -> None:
         source = self.sources[index]
-        own = found is None or os.path.isfile(source.told)
-        project.keep(source, found, b"" if own else self.scene(index).picture())
+        own = found is None or os.path.isfile(source.display_path)
+        project.keep(source, found, b"" if own else self.open_image(index).picture())
 
-    def _keep_step(self, project: Project, index: int, found: Found | None) -> None:
+    def _keep_step(self, project: Project, index: int, found: PickedRegion | None) -> None:
         """Bring the files up to a step, which is taken back where what follows from it cannot be written."""
         try:
             self._keep(project, index, found)
@@ -385,7 +385,7 @@ def _has_two_sides(mask: NDArray[np.bool_]) -> bool:
     return bool(mask.any() and not mask.all())
 
 
-def _replaced(source: Source, project: Project) -> bool:
+def _replaced(source: InputImage, project: Project) -> bool:
     before, now = project.journal.track(source.name).size, size_of(source.path)
     if before is not None and now is not None and before != now:
         return True
@@ -414,11 +414,11 @@ def settings_of(folder: str | os.PathLike[str]) -> list[str]:
         If they are no parameters, or import code: the folder may be somebody else's.
     """
     path = Path(folder) / "run.json"
-    said = read_folder(Path(folder)).run.get("parameters") if path.is_file() else None
-    if not isinstance(said, dict):
+    stored = read_folder(Path(folder)).run.get("parameters") if path.is_file() else None
+    if not isinstance(stored, dict):
         return []
     try:
-        params = load_params(None, said)
+        params = load_params(None, stored)
     except ParameterError as error:
         raise ParameterError(f"{printable(path)}: {error}; give the parameters with --config FILE") from error
     code = [name for name in (params.method, params.edges.source) if names_code(name)]

@@ -10,7 +10,7 @@ import numpy as np
 from ffseg.camera.model import Camera
 from ffseg.camera.projections import Affine, UnifiedSphere
 from ffseg.rendering.raycast import Rendering, render
-from ffseg.rendering.scene import Scene, random_scene
+from ffseg.rendering.scene import World, random_scene
 
 SHORTEST, LONGEST = 0.15, 0.4
 """Metres between the two views."""
@@ -35,7 +35,7 @@ class RenderedPair:
     current: Rendering
     camera: Camera
     poses: tuple[PlanarPose, PlanarPose]
-    scene: Scene
+    scene: World
     tilts: tuple[tuple[float, float], tuple[float, float]] = ((0.0, 0.0), (0.0, 0.0))
 
 
@@ -45,7 +45,7 @@ class RenderedSequence:
 
     views: tuple[Rendering, ...]
     poses: tuple[PlanarPose, ...]
-    scene: Scene
+    scene: World
     tilts: tuple[tuple[float, float], ...] = ()
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.camera.model import Camera
-from ffseg.rendering.scene import Box, Mark, Room, Scene
+from ffseg.rendering.scene import Box, Mark, Room, World
 from ffseg.rendering.texture import Noise
 
 Array = NDArray[np.float64]
@@ -64,7 +64,7 @@ SHADOW_GREY = 0.62
 
 
 def render(
-    scene: Scene,
+    scene: World,
     camera: Camera,
     pose: tuple[float, float, float],
     noise_seed: int = 0,
@@ -120,7 +120,7 @@ def _smooth_edges(grey: Array, parts: NDArray[np.int32], caster: _Caster, subsam
 
 class _Caster:
     def __init__(
-        self, scene: Scene, camera: Camera, pose: tuple[float, float, float], tilt: tuple[float, float] = (0.0, 0.0)
+        self, scene: World, camera: Camera, pose: tuple[float, float, float], tilt: tuple[float, float] = (0.0, 0.0)
     ) -> None:
         self._scene, self._camera, self._pose = scene, camera, pose
         self._tilt = tilt_matrix(*tilt)
@@ -240,7 +240,7 @@ def _ground_octaves(texture_sigma: float | None) -> tuple[tuple[float, float], .
     return tuple((wave, amplitude * texture_sigma / own) for wave, amplitude in FLOOR_OCTAVES)
 
 
-def _shaded(scene: Scene, points: Array) -> NDArray[np.bool_]:
+def _shaded(scene: World, points: Array) -> NDArray[np.bool_]:
     """Ground points from which a box hides the light: a step toward the light from them meets the box."""
     bearing, slope = scene.floor.light or (0.0, 1.0)
     shaded = np.zeros(len(points), dtype=np.bool_)

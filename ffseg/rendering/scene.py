@@ -106,7 +106,7 @@ PLAIN = Floor()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Scene:
+class World:
     """Everything that is seen."""
 
     marks: tuple[Mark, ...]
@@ -136,7 +136,7 @@ class _Spot:
         return False
 
 
-def random_scene(seed: int, mount_height: float, clear_of: Array, marks_are: MarkKind = "mixed") -> Scene:
+def random_scene(seed: int, mount_height: float, clear_of: Array, marks_are: MarkKind = "mixed") -> World:
     """Draw a scene round a camera at the origin.
 
     Parameters
@@ -170,7 +170,7 @@ def random_scene(seed: int, mount_height: float, clear_of: Array, marks_are: Mar
             middle = outline.mean(axis=0)
             if _place(_Spot(middle, float(np.hypot(*(outline - middle).T).max()), 1.0), taken):
                 marks.extend(drawn)
-    return Scene(tuple(marks), tuple(boxes), room, ground, seed)
+    return World(tuple(marks), tuple(boxes), room, ground, seed)
 
 
 def _place(spot: _Spot, taken: list[_Spot]) -> bool:

@@ -7,7 +7,7 @@ import numpy as np
 from ffseg.camera.model import Camera
 from ffseg.rendering.pairs import PlanarPose, RenderedSequence, mirror_camera, mirror_yaml
 from ffseg.rendering.raycast import render
-from ffseg.rendering.scene import Box, Floor, Mark, Room, Scene
+from ffseg.rendering.scene import Box, Floor, Mark, Room, World
 
 FRAMES = 40
 LONG, SHORT = 1.9, 1.15
@@ -24,7 +24,7 @@ def drive_camera() -> Camera:
     return mirror_camera(*_CAMERA)
 
 
-def drive_scene() -> Scene:
+def drive_scene() -> World:
     """A room with a screen in the middle, five boxes and four marks."""
     boxes = (
         _box((0.0, 0.0), (0.75, 0.1), 0.0, 0.5, 205.0),
@@ -40,7 +40,7 @@ def drive_scene() -> Scene:
         _mark((1.1, -1.9), (0.6, 0.12), 0.15, 225.0),
         _mark((-1.2, 2.0), (0.5, 0.12), 0.35, 228.0),
     )
-    return Scene(marks, boxes, Room((3.7, 2.8), 0.0, 180.0), GROUND, 29, Floor(2.0, 1.0))
+    return World(marks, boxes, Room((3.7, 2.8), 0.0, 180.0), GROUND, 29, Floor(2.0, 1.0))
 
 
 def drive_poses() -> list[PlanarPose]:

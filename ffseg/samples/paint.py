@@ -17,7 +17,7 @@ Stencil = NDArray[np.bool_]
 Points = Sequence[tuple[float, float]]
 
 
-class Paper:
+class SampleGrid:
     """The sample grid of an image; its methods return stencils of shape (5 H, 5 W)."""
 
     def __init__(self, width: int, height: int) -> None:

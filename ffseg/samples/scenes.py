@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.samples import texture
-from ffseg.samples.paint import Paper, Stencil, centers, coverage
+from ffseg.samples.paint import SampleGrid, Stencil, centers, coverage
 
 WIDTH, HEIGHT = 800, 600
 SHAPE = (HEIGHT, WIDTH)
@@ -21,7 +21,7 @@ GRAIN = 3.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Scene:
+class SampleImage:
     """A drawn image and its free region.
 
     Attributes
@@ -36,9 +36,9 @@ class Scene:
     truth: NDArray[np.uint8]
 
 
-def toy() -> Scene:
+def toy() -> SampleImage:
     """Draw a white shape on black with deep concavities and four holes."""
-    paper = Paper(WIDTH, HEIGHT)
+    paper = SampleGrid(WIDTH, HEIGHT)
     body = paper.blob(
         [(60, 330), (40, 120), (180, 20), (330, 90), (430, 10), (600, 40), (700, 60), (780, 200), (700, 330)]
         + [(770, 470), (680, 590), (520, 560), (400, 590), (250, 580), (110, 560), (70, 450)]
@@ -57,12 +57,12 @@ def toy() -> Scene:
         | paper.disc((160, 490), 24)
     )
     truth = centers(body & ~bays & ~holes)
-    return Scene(truth.copy(), truth)
+    return SampleImage(truth.copy(), truth)
 
 
-def simple() -> Scene:
+def simple() -> SampleImage:
     """Draw a bright sandy place with one boulder, ringed by dark ground; grey."""
-    paper = Paper(WIDTH, HEIGHT)
+    paper = SampleGrid(WIDTH, HEIGHT)
     sand = paper.blob(
         [(120, 300), (90, 120), (260, 60), (420, 110), (610, 40), (730, 190), (690, 330), (740, 480), (560, 560)]
         + [(400, 500), (230, 570), (70, 470)]
@@ -72,15 +72,17 @@ def simple() -> Scene:
     light = 165 + texture.mottling(SHAPE, 90, 5, 3) + texture.shading(SHAPE, 14, 8)
     stone = 96 + texture.mottling(SHAPE, 24, 9, 4)
     picture = _laid(ground, [(sand, light), (boulder, stone)])
-    return Scene(texture.to_bytes(texture.softened(picture) + texture.grain(SHAPE, GRAIN, 5)), centers(sand & ~boulder))
+    return SampleImage(
+        texture.to_bytes(texture.softened(picture) + texture.grain(SHAPE, GRAIN, 5)), centers(sand & ~boulder)
+    )
 
 
-def complex_scene() -> Scene:
+def complex_scene() -> SampleImage:
     """Draw a paved yard between lawn and walls, with beds, stones, posts, a hose and painted kerbs; colour.
 
     What lies inside the ring is not free: no way leads there.
     """
-    paper = Paper(WIDTH, HEIGHT)
+    paper = SampleGrid(WIDTH, HEIGHT)
     yard, wall, kerb = _yard(paper)
     beds, stones, posts, hose = _things(paper)
     ring, inside_ring = paper.ring((390, 450), 26, 6), paper.disc((390, 450), 26)
@@ -97,15 +99,15 @@ def complex_scene() -> Scene:
     ]
     picture = texture.softened(_laid(_tinted((74, 118, 58), lawn), layers))
     noise = np.stack([texture.grain(SHAPE, GRAIN, 20 + 4 * channel) for channel in range(3)], axis=2)
-    return Scene(
+    return SampleImage(
         texture.to_bytes(picture + noise), centers(yard & ~(kerb | beds | stones | posts | hose | ring | inside_ring))
     )
 
 
-SCENES: dict[str, Callable[[], Scene]] = {"toy": toy, "simple": simple, "complex": complex_scene}
+SCENES: dict[str, Callable[[], SampleImage]] = {"toy": toy, "simple": simple, "complex": complex_scene}
 
 
-def _yard(paper: Paper) -> tuple[Stencil, Stencil, Stencil]:
+def _yard(paper: SampleGrid) -> tuple[Stencil, Stencil, Stencil]:
     """The paved yard with its bays, the walls behind it, and the kerb drawn along part of its edge."""
     yard = paper.blob(
         [(110, 150), (210, 60), (360, 90), (470, 30), (640, 70), (700, 180), (760, 250), (680, 360), (720, 500)]
@@ -119,7 +121,7 @@ def _yard(paper: Paper) -> tuple[Stencil, Stencil, Stencil]:
     return yard | alley, wall, spurs
 
 
-def _things(paper: Paper) -> tuple[Stencil, Stencil, Stencil, Stencil]:
+def _things(paper: SampleGrid) -> tuple[Stencil, Stencil, Stencil, Stencil]:
     """Beds, stones, posts and a hose: islands, some of them thin."""
     beds = paper.ellipse((240, 190), (52, 30)) | paper.polygon([(520, 420), (560, 370), (600, 400), (560, 450)])
     stones = paper.blob([(590, 170), (640, 160), (665, 200), (640, 240), (600, 230), (575, 200)])

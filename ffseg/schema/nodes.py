@@ -13,7 +13,7 @@ LONGEST_VALUE_SHOWN = 48
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class Origin:
     """What values were read from.
 
     Attributes
@@ -36,13 +36,13 @@ class Node:
     ----------
     value : object
         A scalar, a tuple of nodes, or a dict of nodes by key.
-    source : Source
+    source : Origin
     line, key_line : int
         Lines of the value and of its key, from 1; 0 where the source has no lines.
     """
 
     value: object
-    source: Source
+    source: Origin
     line: int = 0
     key_line: int = 0
 
@@ -65,7 +65,7 @@ class Node:
         return self.value
 
 
-def wrap(value: object, source: Source) -> Node:
+def wrap(value: object, source: Origin) -> Node:
     """Turn a Python value into a node; tuples, lists and arrays become tuples of nodes."""
     if isinstance(value, Mapping):
         return Node({str(key): wrap(child, source) for key, child in value.items()}, source)

@@ -9,11 +9,11 @@ from typing import Any, TypeVar, cast
 
 from ffseg.errors import ParameterError
 from ffseg.schema.kinds import BAD, Kind
-from ffseg.schema.nodes import MOST_PROBLEMS_SHOWN, Node, Problems, Source, shown, shown_key, wrap
+from ffseg.schema.nodes import MOST_PROBLEMS_SHOWN, Node, Origin, Problems, shown, shown_key, wrap
 
 T = TypeVar("T")
 S = TypeVar("S", bound="Section")
-PYTHON = Source("parameters")
+PYTHON = Origin("parameters")
 ENOUGH_PROBLEMS = 200
 """A file with more is not a parameter file; looking on would only take time."""
 LONGEST_KEY = 64
@@ -116,11 +116,11 @@ def collect(section: type[Section], root: Node, problems: Problems, see_all: str
     known = leaves(section)
     groups = {key.rpartition(".")[0] for key in known} - {""}
     values: dict[str, object] = {}
-    given: dict[str, str] = {}
+    places: dict[str, str] = {}
     for key, node in _flatten(root, "", groups):
-        if key in given:
-            problems.add(node.key_where, f"{shown_key(key)}: the key is given twice (first at {given[key]}); keep one")
-        given[key] = node.key_where
+        if key in places:
+            problems.add(node.key_where, f"{shown_key(key)}: the key is given twice (first at {places[key]}); keep one")
+        places[key] = node.key_where
         if len(problems.lines) > ENOUGH_PROBLEMS:
             break
         if key in known:

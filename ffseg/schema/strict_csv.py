@@ -47,8 +47,8 @@ def rows_of(text: str, name: str, headers: Sequence[list[str]], problems: Proble
             if not row or row == [""]:
                 continue
             if len(row) != len(header):
-                said = f"{len(row)} columns, must be {len(header)}: {','.join(header)}"
-                problems.add(f"{name}:{reader.line_num}", said)
+                problem = f"{len(row)} columns, must be {len(header)}: {','.join(header)}"
+                problems.add(f"{name}:{reader.line_num}", problem)
             else:
                 yield reader.line_num, [cell.strip() for cell in row]
     except csv.Error as error:

@@ -13,7 +13,7 @@ from collections.abc import Iterable
 
 import yaml
 
-from ffseg.schema.nodes import Node, Problems, Source, shown_key
+from ffseg.schema.nodes import Node, Origin, Problems, shown_key
 from ffseg.schema.strict_text import read_text
 
 MAX_DEPTH = 20
@@ -51,7 +51,7 @@ def read(path: str | os.PathLike[str], problems: Problems) -> Node:
     Node
         The mapping; an empty one for an empty file or when the file cannot be used.
     """
-    source = Source(os.fspath(path), os.path.dirname(os.fspath(path)))
+    source = Origin(os.fspath(path), os.path.dirname(os.fspath(path)))
     text = read_text(path, problems)
     root = parse(text, source, problems)
     if root.value is None:
@@ -62,7 +62,7 @@ def read(path: str | os.PathLike[str], problems: Problems) -> Node:
     return root
 
 
-def parse(text: str, source: Source, problems: Problems) -> Node:
+def parse(text: str, source: Origin, problems: Problems) -> Node:
     """Parse one YAML document; the value of the returned node is None where it is empty or unusable."""
     bad = _UNPRINTABLE.search(text)
     if bad:
@@ -136,7 +136,7 @@ def _refuse_foreign(events: Iterable[yaml.Event]) -> None:
             raise _RefusedError(line, TOO_DEEP)
 
 
-def _node(parsed: yaml.Node, source: Source, problems: Problems, key_line: int = 0) -> Node:
+def _node(parsed: yaml.Node, source: Origin, problems: Problems, key_line: int = 0) -> Node:
     """What was parsed as a value that knows its place."""
     line = parsed.start_mark.line + 1 if source.folder is not None else 0
     value: object = None
@@ -149,7 +149,7 @@ def _node(parsed: yaml.Node, source: Source, problems: Problems, key_line: int =
     return Node(value, source, line, key_line or line)
 
 
-def _mapping(parsed: yaml.MappingNode, source: Source, problems: Problems) -> dict[str, Node]:
+def _mapping(parsed: yaml.MappingNode, source: Origin, problems: Problems) -> dict[str, Node]:
     values: dict[str, Node] = {}
     for key, child in parsed.value:
         line = key.start_mark.line + 1
@@ -165,6 +165,6 @@ def _mapping(parsed: yaml.MappingNode, source: Source, problems: Problems) -> di
     return values
 
 
-def _placed(source: Source, line: int) -> str:
+def _placed(source: Origin, line: int) -> str:
     """``file:line``, or the bare name of a source that is one line."""
     return f"{source.name}:{line}" if line and source.folder is not None else source.name

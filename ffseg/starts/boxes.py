@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.image.parts import parts
+from ffseg.image.parts import connected_parts
 from ffseg.image.raster import window_of
 from ffseg.scene import Scene
 from ffseg.starts.initial import circle_start
@@ -29,17 +29,17 @@ def in_boxes(scene: Scene, odds: NDArray[np.float32] | None) -> Scene:
         Log odds of belonging to the objects.
     """
     params = scene.params
-    given = scene.starts if params.init.circles else ()
+    named = scene.starts if params.init.circles else ()
     alone = scene.method is None or not scene.method.merges
-    if odds is None or params.contour.balloon < 0 or (given and alone):
+    if odds is None or params.contour.balloon < 0 or (named and alone):
         return scene
     inside = odds > 0 if scene.domain is None else (odds > 0) & (scene.domain > 0)
     circles = []
     for box in scene.boxes:
         rows, columns = window = window_of(box, scene.shape)
         region = inside[window].astype(np.uint8)
-        told = parts(region)
-        large = np.flatnonzero(told.areas >= max(LEAST_PART * told.areas.max(), 1))
-        found = discs(depths(region), told, large, np.inf)
+        components = connected_parts(region)
+        large = np.flatnonzero(components.areas >= max(LEAST_PART * components.areas.max(), 1))
+        found = discs(depths(region), components, large, np.inf)
         circles += [(x + columns.start, y + rows.start, radius) for x, y, radius in (found[:1] if alone else found)]
-    return replace(scene, starts=(*given, *(circle_start(one, params) for one in circles))) if circles else scene
+    return replace(scene, starts=(*named, *(circle_start(one, params) for one in circles))) if circles else scene

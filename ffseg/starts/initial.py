@@ -67,7 +67,7 @@ def start_contours(
     return tuple(circle_start(circle, params) for circle in circles) or middles(params, shape)
 
 
-def within(boxes: tuple[Box, ...], shape: tuple[int, int]) -> NDArray[np.uint8]:
+def box_domain(boxes: tuple[Box, ...], shape: tuple[int, int]) -> NDArray[np.uint8]:
     """255 where a pixel's centre lies in a box, 0 elsewhere; shape (H, W)."""
     found = np.zeros(shape, np.uint8)
     for box in boxes:

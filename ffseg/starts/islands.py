@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.image.parts import parts
+from ffseg.image.parts import connected_parts
 from ffseg.starts.pockets import Circle, depths, discs
 
 SURE = 0.4
@@ -37,19 +37,19 @@ def islands(odds: NDArray[np.float32], starts: NDArray[np.bool_], most: float) -
     tuple of (x, y, radius)
         The deepest first.
     """
-    levels, begun = np.ascontiguousarray(odds[::STRIDE, ::STRIDE]), starts[::STRIDE, ::STRIDE]
-    told = parts(levels > 0)
-    known = told.touching(begun)
-    least_area = max(LEAST_SHARE * float(told.areas[known].sum()), 1)
-    large = np.setdiff1d(np.flatnonzero(told.areas >= least_area), known)
+    levels, start = np.ascontiguousarray(odds[::STRIDE, ::STRIDE]), starts[::STRIDE, ::STRIDE]
+    components = connected_parts(levels > 0)
+    started = components.touching(start)
+    least_area = max(LEAST_SHARE * float(components.areas[started].sum()), 1)
+    large = np.setdiff1d(np.flatnonzero(components.areas >= least_area), started)
     if not len(large):
         return ()
-    around = told.pixels_of(known) & ~begun
+    around = components.pixels_of(started) & ~start
     if not around.any():
         return ()
     least = max(LEAST_ODDS, SURE * float(np.median(levels[around])))
-    sure = large[[float(np.median(levels[told.labels == part])) >= least for part in large]]
+    sure = large[[float(np.median(levels[components.labels == part])) >= least for part in large]]
     if not len(sure):
         return ()
-    small = discs(depths((levels > 0).astype(np.uint8)), told, sure, most / STRIDE)
+    small = discs(depths((levels > 0).astype(np.uint8)), components, sure, most / STRIDE)
     return tuple((STRIDE * x, STRIDE * y, STRIDE * radius) for x, y, radius in small)

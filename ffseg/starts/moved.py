@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
-from ffseg.image.free import free_pixels, ground_under, room_round
+from ffseg.image.free import free_part_under, free_pixels, room_round
 from ffseg.image.raster import rasterize
 from ffseg.parameters import LEAST_START
 from ffseg.scene import Scene
@@ -45,7 +45,7 @@ class Circle:
         return f"({x:.4g}, {y:.4g}), radius {self.radius:.4g}"
 
 
-def moved(scene: Scene, remedy: str) -> tuple[Scene, str]:
+def moved_starts(scene: Scene, remedy: str) -> tuple[Scene, str]:
     """The scene with every start in the nearest free place that has room for it, and a sentence that says so.
 
     Parameters
@@ -77,15 +77,18 @@ def moved(scene: Scene, remedy: str) -> tuple[Scene, str]:
     if float(room.max(initial=0.0)) < LEAST_START:
         raise SegmentationError(f"the start contour lies {cause} at every sample, and there is no free place; {remedy}")
     open_ground = free_pixels(scene.edges.edges, scene.domain)
-    pairs = [placed(start, room, ground_under(open_ground, rasterize([start], room.shape))) for start in scene.starts]
+    pairs = [
+        nearest_free_circle(start, room, free_part_under(open_ground, rasterize([start], room.shape)))
+        for start in scene.starts
+    ]
     starts = tuple(circle_start((new.x, new.y, new.radius), scene.params) for _, new in pairs)
     others = f", and {len(pairs) - 1} more" if len(pairs) > 1 else ""
     old, new = (one.enlarged(scene.factor) for one in pairs[0])
-    told = f"the start at {old} lay {cause} and was moved to {new}{others}"
-    return replace(scene, starts=starts), told
+    message = f"the start at {old} lay {cause} and was moved to {new}{others}"
+    return replace(scene, starts=starts), message
 
 
-def placed(start: FreeForm, room: NDArray[np.float32], own: Mask | None) -> tuple[Circle, Circle]:
+def nearest_free_circle(start: FreeForm, room: NDArray[np.float32], own: Mask | None) -> tuple[Circle, Circle]:
     """A start as a circle of its area, and the free one nearest to it.
 
     Parameters
@@ -93,7 +96,7 @@ def placed(start: FreeForm, room: NDArray[np.float32], own: Mask | None) -> tupl
     room : ndarray of float32, shape (H, W)
         Radius that each pixel allows.
     own : ndarray of bool, shape (H, W), or None
-        Ground it keeps to where there is room.
+        Pixels it keeps to where there is room.
     """
     old = as_circle(start)
     y, x = np.ogrid[: room.shape[0], : room.shape[1]]

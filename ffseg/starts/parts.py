@@ -13,35 +13,35 @@ from ffseg.scene import Scene
 from ffseg.starts.initial import circle_start
 
 
-def kept(scene: Scene) -> Scene:
+def starts_in_parts(scene: Scene) -> Scene:
     """The scene with a start in each part that stays of what a model or a map says, where clicks correct it."""
     stays, params = scene.edges.kept, scene.params
     if stays is None or _one_contour(scene):
         return scene
-    from ffseg.image.parts import parts as together
+    from ffseg.image.parts import connected_parts
     from ffseg.starts.pockets import LEAST_PIXELS, depths, discs
 
     if scene.domain is not None:
         stays = stays & (scene.domain > 0)
-    told = together(stays)
-    large = np.setdiff1d(np.flatnonzero(told.areas >= LEAST_PIXELS), told.touching(scene.start_region()))
-    found = discs(depths(stays.view(np.uint8)), told, large, params.init.radius_in(scene.shape))
+    components = connected_parts(stays)
+    large = np.setdiff1d(np.flatnonzero(components.areas >= LEAST_PIXELS), components.touching(scene.start_region()))
+    found = discs(depths(stays.view(np.uint8)), components, large, params.init.radius_in(scene.shape))
     return replace(scene, starts=(*scene.starts, *(circle_start(circle, params) for circle in found)))
 
 
-def core(scene: Scene) -> NDArray[np.bool_]:
-    """Pixels that show what is inside: the start region; of what closes in, which holds ground round the object, its depth.
+def start_core(scene: Scene) -> NDArray[np.bool_]:
+    """Pixels that show what is inside: the start region; of what closes in, which holds more than the object, its depth.
 
     As far as the object fills that: three fifths of the way to the start's limit.
     """
     region = scene.start_region()
     if scene.params.contour.balloon >= 0 or not region.any():
         return region
-    from ffseg.image.parts import parts as together
+    from ffseg.image.parts import connected_parts
     from ffseg.starts.pockets import depths, discs
 
-    told = together(region)
-    circles = discs(depths(region.view(np.uint8)), told, np.flatnonzero(told.areas), np.inf)
+    components = connected_parts(region)
+    circles = discs(depths(region.view(np.uint8)), components, np.flatnonzero(components.areas), np.inf)
     return rasterize([circle_start(circle, scene.params) for circle in circles], scene.shape)
 
 
@@ -51,7 +51,7 @@ def _one_contour(scene: Scene) -> bool:
     return alone or scene.method is None or not scene.method.merges
 
 
-def parts(scene: Scene) -> tuple[FreeForm, ...]:
+def further_starts(scene: Scene) -> tuple[FreeForm, ...]:
     """Start circles in the parts of a region that evidence tells: beyond narrow places, and apart from it but as sure.
 
     Parameters

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.image.parts import Parts, holding, parts
+from ffseg.image.parts import Parts, connected_parts, parts_holding
 
 NARROW = 4.0
 """px; through places nearer to walls than this a contour may not come."""
@@ -36,18 +36,18 @@ def starts_beyond(free: NDArray[np.bool_], starts: NDArray[np.bool_], most: floa
     tuple of (x, y, radius)
         The deepest first.
     """
-    region = holding(free, starts).view(np.uint8)
+    region = parts_holding(free, starts).view(np.uint8)
     left, top, width, height = cv2.boundingRect(region)
     window = np.s_[top : top + height, left : left + width]
     if not width:
         return ()
     depth = depths(region[window])
     deep = depth >= NARROW
-    beyond = deep & ~holding(deep, starts[window], corners=True)
+    beyond = deep & ~parts_holding(deep, starts[window], corners=True)
     if np.count_nonzero(beyond) < LEAST_PIXELS:
         return ()
-    told = parts(beyond, corners=True)
-    found = discs(depth, told, np.flatnonzero(told.areas >= LEAST_PIXELS), most)
+    components = connected_parts(beyond, corners=True)
+    found = discs(depth, components, np.flatnonzero(components.areas >= LEAST_PIXELS), most)
     return tuple((left + x, top + y, radius) for x, y, radius in found)
 
 
@@ -58,21 +58,23 @@ def depths(region: NDArray[np.uint8]) -> NDArray[np.float32]:
     return depth
 
 
-def discs(depth: NDArray[np.float32], told: Parts, chosen: NDArray[np.integer], most: float) -> tuple[Circle, ...]:
+def discs(
+    depth: NDArray[np.float32], components: Parts, chosen: NDArray[np.integer], most: float
+) -> tuple[Circle, ...]:
     """A disc round the deepest pixel of each part chosen, the largest first.
 
     Parameters
     ----------
     depth : ndarray of float32, shape (H, W)
-    told : Parts
+    components : Parts
     chosen : ndarray of int
         Their numbers.
     most : float
         px; the largest radius of a disc.
     """
-    inside = np.flatnonzero(told.pixels_of(chosen))
-    part, deep = told.labels.take(inside), depth.take(inside)
-    deepest = np.zeros(told.number, np.float32)
+    inside = np.flatnonzero(components.pixels_of(chosen))
+    part, deep = components.labels.take(inside), depth.take(inside)
+    deepest = np.zeros(components.number, np.float32)
     np.maximum.at(deepest, part, deep)
     there = np.flatnonzero(deep == deepest[part])
     first = there[np.unique(part[there], return_index=True)[1]]

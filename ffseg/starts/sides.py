@@ -14,7 +14,7 @@ from ffseg.image.free import free_pixels, open_sides, room_round
 from ffseg.image.raster import rasterize
 from ffseg.scene import Scene
 from ffseg.starts.initial import circle_start
-from ffseg.starts.moved import SIZE_WEIGHT, SPARE, Circle, as_circle, placed
+from ffseg.starts.moved import SIZE_WEIGHT, SPARE, Circle, as_circle, nearest_free_circle
 
 LEAST_KEPT = 0.5
 """A start over a boundary keeps this part of its radius, and its centre moves by no more than its radius, round what lies
@@ -55,7 +55,7 @@ def on_one_side(scene: Scene) -> tuple[Scene, tuple[str, ...], bool]:
     apart = {at for at in beyond if not within[at].any()}
     others = len(apart) < len(scene.starts)
     starts: list[FreeForm | None] = list(scene.starts)
-    told, across = [], False
+    messages, across = [], False
     free = free_pixels(scene.edges.edges, scene.domain, scene.params.contour.clearance)
     for at in crossed:
         what, most = ("the domain's limit", FARTHEST) if at in beyond else ("an edge", 1)
@@ -63,17 +63,17 @@ def on_one_side(scene: Scene) -> tuple[Scene, tuple[str, ...], bool]:
         before, after = (one.enlarged(scene.factor) for one in (old, new))
         if new.radius >= LEAST_KEPT * old.radius and hypot(new.x - old.x, new.y - old.y) <= most * old.radius:
             starts[at] = circle_start((new.x, new.y, new.radius), scene.params)
-            told.append(f"the start at {before} lay across {what} and was moved to {after}")
+            messages.append(f"the start at {before} lay across {what} and was moved to {after}")
         elif at in apart and others:
             starts[at] = None
-            told.append(f"the start at {before} lies outside the domain and was left out")
+            messages.append(f"the start at {before} lies outside the domain and was left out")
         else:
             across = True
             where = "outside the domain" if at in apart else f"across {what}; the region holds both sides of it"
-            told.append(f"the start at {before} lies {where}")
+            messages.append(f"the start at {before} lies {where}")
     kept = all(start is old for start, old in zip(starts, scene.starts, strict=True))
     left = tuple(start for start in starts if start is not None)
-    return (scene if kept else replace(scene, starts=left)), tuple(told), across
+    return (scene if kept else replace(scene, starts=left)), tuple(messages), across
 
 
 def _window(start: Circle, reach: float) -> tuple[tuple[slice, slice], tuple[int, int]]:
@@ -102,7 +102,7 @@ def _moved(
     counts = np.bincount(under)[1:]
     if widest:
         counts = np.where(counts > 0, np.bincount(sides.ravel())[1 : len(counts) + 1], 0)
-    _, new = placed(near, room, sides[window] == int(counts.argmax()) + 1 if counts.any() else None)
+    _, new = nearest_free_circle(near, room, sides[window] == int(counts.argmax()) + 1 if counts.any() else None)
     return old, replace(new, x=new.x + left, y=new.y + top)
 
 

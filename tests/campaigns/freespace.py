@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from ffseg.camera.motion import Pose, planar_pose, relative_motion
 from ffseg.freespace.sequence import Frame, segment_frame
-from ffseg.freespace.window import Earlier
+from ffseg.freespace.window import EarlierImage
 from ffseg.metrics import IGNORED, INSIDE, iou
 from ffseg.parameters import Parameters, load_params
 from ffseg.rendering.pairs import RenderedPair, render_pair
@@ -182,7 +182,9 @@ def run(chosen: Iterator[Case], params: Parameters, footprint: float = 0.0) -> T
             if case.kind != "drawn" and mode == "none" and len(pair.scene.marks) < MARKS_WITHOUT_POSES:
                 continue
             poses = poses_of(pair, mode, case.seed)
-            frame = segment_frame(Scene(pair.current.image, params), [Earlier(pair.previous.image, poses)], pair.camera)
+            frame = segment_frame(
+                Scene(pair.current.image, params), [EarlierImage(pair.previous.image, poses)], pair.camera
+            )
             name = f"{case.name()} (texture {case.texture:g}, noise {case.noise:g}), {mode}, seed {case.seed}"
             measure(pair, frame, tallies.setdefault((case.name(), mode), Tally()), name)
     return tallies

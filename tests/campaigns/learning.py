@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ffseg.api import segment
 from ffseg.evidence.forest import Model
-from ffseg.evidence.source import told
+from ffseg.evidence.source import model_odds
 from ffseg.io.images import single_thread
 from ffseg.learning.training import Example, Samples, learn, samples
 from ffseg.metrics import iou
@@ -75,7 +75,7 @@ def place_of(one: Photograph) -> str:
 
 def overlap(one: Photograph, model: Model | None) -> float:
     """IoU of the contour from the start circle, by a model or the defaults."""
-    evidence = None if model is None else told(model, one.image, start_of(one))
+    evidence = None if model is None else model_odds(model, one.image, start_of(one))
     return iou(segment(one.image, one.placed(load_params()), evidence=evidence).mask, one.truth)
 
 

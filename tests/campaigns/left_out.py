@@ -55,7 +55,7 @@ def main(
     found: Overlaps = {}
     for group in GROUPS:
         others = [look for kind, own in taught.items() if kind not in group for look in own]
-        forest = grow.grow(others, prior.TAKEN, {}).inside
+        forest = grow.grow(others, prior.FEATURE_NAMES, {}).inside
         found |= {(kind, look): overlap for kind in group for look, overlap in judged(kind, forest, judged_on)}
     for kind in dict.fromkeys(kind for kind, _ in found):
         print(f"{kind}: {np.mean([overlap for (own, _), overlap in found.items() if own == kind]):.3f}")
@@ -76,7 +76,7 @@ def judged(kind: str, forest: Forest, count: int) -> Iterator[tuple[int, float]]
     """Numbers and IoU of so many looks at a kind."""
     native = forest.compiled()
     for number, seen in enumerate(sights(kind, count, UNSEEN)):
-        view = prior.look(seen.image, seen.disc(), WORKING_SIZE)
+        view = prior.start_features(seen.image, seen.disc(), WORKING_SIZE)
         odds = np.clip(forest.log_odds(prior.all_planes(view), native), -prior.CERTAIN, prior.CERTAIN)
         known = known_pixels(seen.truth, view.factor)[::STRIDE, ::STRIDE]
         inside, truth = voted(odds, view)[known >= 0] > 0, known[known >= 0] > 0

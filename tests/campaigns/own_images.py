@@ -16,8 +16,8 @@ import numpy as np
 from ffseg.errors import SegmentationError
 from ffseg.image.own import own_image
 from ffseg.io.images import single_thread
-from ffseg.learning.drawn.cameras import Camera, bonnet, developed, housing, mirror, perspective, rotation
-from ffseg.learning.drawn.rays import Scene, shaded
+from ffseg.learning.drawn.cameras import Viewpoint, bonnet, developed, housing, mirror, perspective, rotation
+from ffseg.learning.drawn.rays import World, shaded
 from ffseg.learning.drawn.rooms import room
 from ffseg.learning.drawn.sights import clear_of, seen_from_the_middle
 from ffseg.learning.drawn.skins import Array
@@ -67,7 +67,7 @@ def frames(case: Case) -> tuple[list[Array], Array]:
     return found, own
 
 
-def _way(camera: Camera, case: Case) -> Iterator[tuple[Camera, np.random.Generator]]:
+def _way(camera: Viewpoint, case: Case) -> Iterator[tuple[Viewpoint, np.random.Generator]]:
     """The camera at each of its places, and what is left to chance there."""
     place = np.zeros(3)
     for number in range(case.drive.images):
@@ -79,7 +79,7 @@ def _way(camera: Camera, case: Case) -> Iterator[tuple[Camera, np.random.Generat
         place = place + [case.drive.step * rng.uniform(0.7, 1.3), rng.normal(0, case.drive.step / 4), 0]
 
 
-def _light(scene: Scene, camera: Camera, case: Case) -> tuple[Array, Array]:
+def _light(scene: World, camera: Viewpoint, case: Case) -> tuple[Array, Array]:
     """What reaches the camera, (H, W, 3), and the camera's own image."""
     clear = clear_of(scene, camera.origin * [1, 1, 0])
     rng = np.random.default_rng([case.seed, 3])

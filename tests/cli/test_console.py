@@ -11,7 +11,7 @@ from typing import Any, cast
 import pytest
 
 from ffseg.cli import console
-from ffseg.cli.reporting import Progress
+from ffseg.cli.reporting import ProgressBar
 
 SAMPLES = Path(__file__).resolve().parents[2] / "samples"
 RED = "\x1b[1;31m"
@@ -78,9 +78,9 @@ def test_notes_are_counted_in_the_bar_and_listed_below_it(monkeypatch: pytest.Mo
     """Each tore the bar: 38 lines in a run of 300."""
     screen = Terminal()
     monkeypatch.setattr(sys, "stderr", screen)
-    progress = Progress(3, bar=True, verbose=False)
+    progress = ProgressBar(3, bar=True, verbose=False)
     for status, told in (("ok", "a note"), ("failed", "internal: x\ny"), ("ok", "")):
-        progress.finished(cast(Any, SimpleNamespace(source=SimpleNamespace(told="a.png"))), status, told)
+        progress.finished(cast(Any, SimpleNamespace(source=SimpleNamespace(display_path="a.png"))), status, told)
     assert "a.png" not in screen.getvalue()
     progress.close()
     progress.close()

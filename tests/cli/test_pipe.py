@@ -12,7 +12,7 @@ from PIL import Image
 
 import ffseg
 from ffseg.io.images import Limits
-from ffseg.io.pipes import frames, read_form
+from ffseg.io.pipes import frames, read_frame_format
 
 COMMAND = [sys.executable, "-m", "ffseg", "run", "-", "--out", "-"]
 FRAMES = pictures(4)
@@ -78,7 +78,7 @@ def test_y4m_of_full_range_has_the_values_of_a_jpeg_file() -> None:
     planes = [np.array([[76, 76, 0, 64], [76, 76, 192, 255]]), np.array([[85, 128]]), np.array([[255, 128]])]
     data = b"YUV4MPEG2 W4 H2 F25:1 C420jpeg XCOLORRANGE=FULL\nFRAME\n"
     stream = io.BytesIO(data + b"".join(plane.astype(np.uint8).tobytes() for plane in planes))
-    (found,) = frames(stream, read_form(stream, "", Limits()))
+    (found,) = frames(stream, read_frame_format(stream, "", Limits()))
     assert (
         np.abs(found[:, :2].astype(int) - (0, 0, 254)).max() <= 1
     )  # BGR; whole numbers of Y, Cb and Cr miss pure red by one

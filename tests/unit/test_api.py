@@ -25,7 +25,7 @@ import ffseg
 from ffseg.image.checked import taken_image
 from ffseg.io.exports import geojson_document
 from ffseg.io.images import decode_image
-from ffseg.io.saving import annotated
+from ffseg.io.saving import annotated_image
 from ffseg.metrics import iou
 from ffseg.plugins import find
 from ffseg.schema.kinds import Integer, Number
@@ -343,7 +343,7 @@ def test_other_suffixes_and_images_behind_an_svg_are_told_what_goes(result: ffse
 
 
 def test_documents_of_a_result(result: ffseg.Segmentation) -> None:
-    assert result.to_geojson("disc.png") == geojson_document(annotated(result, "disc.png"))
+    assert result.to_geojson("disc.png") == geojson_document(annotated_image(result, "disc.png"))
     coco = json.loads(json.dumps(result.to_coco("disc.png")))
     assert coco["images"] == [{"id": 1, "file_name": "disc.png", "width": 120, "height": 90}]
     assert coco["annotations"][0]["area"] == int(result.mask.sum())
@@ -369,7 +369,7 @@ def classes(hint: object) -> set[type]:
     return {one for one in found if one.__module__.startswith("ffseg")}
 
 
-INTERNAL = {"Section", "Tracks", "Session", "Sighting"}
+INTERNAL = {"Section", "TrackedPoints", "Session", "Sighting"}
 """The base of parameter sections, what a ground fit keeps for the structural test, what a picking page is served from, and what
 a run's map is fused of: no user makes or asks for them."""
 

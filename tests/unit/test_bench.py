@@ -10,8 +10,8 @@ import pytest
 
 from ffseg.bench import drawing, images, processes, programs
 from ffseg.bench.gate import FORMAT, RETRIES, Baseline, confirmed, read_baseline, slower
-from ffseg.bench.measure import Figure, Order, exponent, growths
-from ffseg.bench.session import SUITES, Outcome, check, run_bench
+from ffseg.bench.measure import Figure, Schedule, exponent, growths
+from ffseg.bench.session import SUITES, Measurements, check, run_bench
 from ffseg.errors import FfsegError, UsageError
 from ffseg.image.reference import one_thread, reference_kernel
 from ffseg.io.masks import encode_mask
@@ -154,8 +154,8 @@ OTHERS = {"peers", "batch", "startup", "memory", "shards"}
 """Suites whose quantities depend on what is installed, or are those of processes."""
 
 
-def quick(*suites: str, folder: Path | None = None) -> Outcome:
-    order = Order(suites, quick=True, images=folder)
+def quick(*suites: str, folder: Path | None = None) -> Measurements:
+    order = Schedule(suites, quick=True, images=folder)
     check(order)
     return run_bench(order, lambda text: None)
 
@@ -194,18 +194,18 @@ def test_drawn_scene_leaves_the_start_free_and_the_rest_mixed() -> None:
 
 
 def test_patch_contours_have_as_many_patches_as_the_figure_says() -> None:
-    (*_, group) = images.patches(Order(quick=True), Path())
+    (*_, group) = images.patches(Schedule(quick=True), Path())
     assert group.facts == {"circles": 10}
     assert [(t.x, t.case) for t in group.tasks] == [(100, f"{how}, 100") for how in ("still", "filtered", "merging")]
 
 
 @pytest.fixture(scope="module")
-def whole() -> Outcome:
+def whole() -> Measurements:
     """Every suite after the other, as the plain command runs them: what one leaves may not be in the way of the next."""
     return quick()
 
 
-def test_every_suite_measures_what_it_says(whole: Outcome) -> None:
+def test_every_suite_measures_what_it_says(whole: Measurements) -> None:
     assert list(dict.fromkeys(figure.suite for figure in whole.figures)) == list(SUITES)
     quantities = {(figure.suite, figure.quantity) for figure in whole.figures if figure.suite not in OTHERS}
     stages = {(suite, stage) for suite in ("size", "method", "scenes") for stage in ("edges", "evolve", "segment")}
@@ -217,7 +217,7 @@ def test_every_suite_measures_what_it_says(whole: Outcome) -> None:
     assert whole.slower == []
 
 
-def test_peers_are_measured_beside_the_free_form(whole: Outcome) -> None:
+def test_peers_are_measured_beside_the_free_form(whole: Measurements) -> None:
     names = [name for name in images.BESIDE if PEERS[name].installed]
     assert "cv_edges_opened" in names
     cases = [case for name in names for case in (f"small, freeform beside {name}", f"small, {name}")]
@@ -266,12 +266,12 @@ def test_a_bad_image_is_refused_before_anything_is_measured(tmp_path: Path) -> N
     cv2.imwrite(str(tmp_path / "a.png"), drawing.draw(2, 80, 60).image)
     (tmp_path / "b.png").write_text("no image")
     with pytest.raises(UsageError, match=r"--images: .*b\.png"):
-        check(Order(("method", "scenes"), quick=True, images=tmp_path))
+        check(Schedule(("method", "scenes"), quick=True, images=tmp_path))
 
 
 def test_holes_are_those_of_the_mask() -> None:
     """The snake's contour closes round islands to slits: none is an inner contour."""
-    _, group = images.method(Order(methods=("snake",)), Path())
+    _, group = images.method(Schedule(methods=("snake",)), Path())
     assert (group.name, group.facts["holes"]) == ("complex by snake", 10)
 
 

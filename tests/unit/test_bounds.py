@@ -9,7 +9,7 @@ import pytest
 import ffseg
 from ffseg.errors import SegmentationError
 from ffseg.image.disc import Disc, valid_disc
-from ffseg.image.free import distances, free_pixels, ground_under, room_round
+from ffseg.image.free import distances, free_part_under, free_pixels, room_round
 from tests import scenes
 
 
@@ -127,9 +127,9 @@ def test_free_pixels_and_their_room() -> None:
     room = room_round(free)
     assert (room[20, 10], room[20, 17]) == (6.0, 12.0)
     assert room[0, 45] == 1.0  # the border of the image
-    left = ground_under(free, np.indices((40, 60))[1] < 31)
+    left = free_part_under(free, np.indices((40, 60))[1] < 31)
     assert np.nonzero(left[20])[0].tolist() == list(range(5, 29))
-    assert ground_under(free, np.indices((40, 60))[1] < 4) is None
+    assert free_part_under(free, np.indices((40, 60))[1] < 4) is None
 
 
 @pytest.mark.parametrize("method", ["freeform", "levelset"])

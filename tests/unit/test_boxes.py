@@ -61,7 +61,7 @@ BOX = [25.0, 35.0, 95.0, 105.0]
 
 def test_what_is_of_one_colour_is_not_cut_by_colours(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a grey of 60 OpenCV's cut took 3 s for 30x30 pixels; which greys do is by their last bits."""
-    monkeypatch.setattr("ffseg.evidence.box.cut", lambda *_: pytest.fail("cut"))
+    monkeypatch.setattr("ffseg.evidence.box.grabcut_mask", lambda *_: pytest.fail("cut"))
     assert ffseg.segment(np.full((50, 50, 3), 60, np.uint8), {"init.boxes": [[10, 10, 30, 30]]}).mask.any()
 
 

@@ -16,14 +16,21 @@ from rendered import segment_view
 from ffseg.camera.motion import Pose, planar_parameters, planar_pose, relative_motion
 from ffseg.camera.poses import load_poses
 from ffseg.errors import CalibrationError, ParameterError, SegmentationError
+from ffseg.freespace.motion.candidates import SegmentedImage, ground_candidates
 from ffseg.freespace.motion.egomotion import PairMotion, pair_motion
-from ffseg.freespace.motion.evidence import Scenery, gathered
 from ffseg.freespace.motion.ground import fit_ground, prior_sigmas
 from ffseg.freespace.pairs import ImagePair
 from ffseg.freespace.sequence import Sequence, free_space
 from ffseg.freespace.structural import structural_test
-from ffseg.freespace.window import Earlier
-from ffseg.image.keypoints import Candidates, align_patches, limited, patch_scores, plane_candidates, plane_pixels
+from ffseg.freespace.window import EarlierImage
+from ffseg.image.keypoints import (
+    Candidates,
+    align_patches,
+    limited_information,
+    patch_scores,
+    plane_candidates,
+    plane_pixels,
+)
 from ffseg.image.planes import search_ground_motions
 from ffseg.io.masks import encode_mask
 from ffseg.native import _core
@@ -126,9 +133,11 @@ def test_information_is_limited_as_if_noise_were_added() -> None:
     root = np.random.default_rng(10).normal(0, 3, (50, 2, 2))
     information = root @ np.swapaxes(root, 1, 2)
     expected = np.linalg.inv(np.linalg.inv(information) + 0.2**2 * np.eye(2))
-    assert limited(information, 0.2) == pytest.approx(expected, rel=1e-6, abs=1e-9)
+    assert limited_information(information, 0.2) == pytest.approx(expected, rel=1e-6, abs=1e-9)
     edge = np.array([[[4.0, 0.0], [0.0, 0.0]], [[np.nan] * 2] * 2])  # known across an edge only; not known
-    assert limited(edge, 0.5) == pytest.approx(np.array([[[2.0, 0.0], [0.0, 0.0]], np.zeros((2, 2))]), abs=1e-15)
+    assert limited_information(edge, 0.5) == pytest.approx(
+        np.array([[[2.0, 0.0], [0.0, 0.0]], np.zeros((2, 2))]), abs=1e-15
+    )
 
 
 def test_plane_candidates_follow_points_of_that_altitude() -> None:
@@ -194,7 +203,7 @@ def test_ground_motion_from_nothing_is_the_true_one() -> None:
     free = rendered.current.truth & (rendered.current.labels <= 0)
     images = rendered.current.image, rendered.previous.image
     rough = next(search_ground_motions(rendered.camera, *images, free))
-    evidence = gathered(rendered.camera, images[0], Scenery(free))
+    evidence = ground_candidates(rendered.camera, images[0], SegmentedImage(free))
     looks = ("half", "full", "full")
     found = fit_ground(rendered.camera, rough, prior_sigmas(0.1, 0.04), images, evidence, looks).motion
     true = planar_parameters(rendered.camera, relative_motion(*true_poses(rendered)))
@@ -209,7 +218,7 @@ def motion_of(previous: np.ndarray, current: np.ndarray, poses: tuple[Pose, Pose
     """What is found on the free ground of the third pair, given other images or other poses."""
     rendered = pair(3)
     free = rendered.current.truth & (rendered.current.labels <= 0)
-    return pair_motion(rendered.camera, (previous, current), poses, Scenery(free), EPSILON)
+    return pair_motion(rendered.camera, (previous, current), poses, SegmentedImage(free), EPSILON)
 
 
 @pytest.mark.parametrize("scale", [1.5, 10.0])
@@ -248,7 +257,7 @@ def test_sequence_gives_what_the_pure_steps_give() -> None:
     assert "first image" in first.note
     second = sequence.feed(rendered.current.image, poses[1])
     found = segment_view(rendered.current.image, rendered.camera, params)
-    before = [Earlier(rendered.previous.image, poses)]
+    before = [EarlierImage(rendered.previous.image, poses)]
     pure = free_space(rendered.current.image, found, before, rendered.camera, EPSILON)
     assert np.array_equal(second.mask, pure.mask)
     assert all(row.track >= 0 and row.against == "0" for row in second.components)
@@ -279,7 +288,7 @@ def test_a_camera_that_shows_no_ground_is_told_by_its_file(wrong: dict[str, Any]
 def test_unrelated_grounds_have_no_motion() -> None:
     first, second = pair(1), pair(3)
     images = (second.previous.image, first.current.image)
-    found = pair_motion(first.camera, images, None, Scenery(first.current.truth), EPSILON)
+    found = pair_motion(first.camera, images, None, SegmentedImage(first.current.truth), EPSILON)
     assert found.motion is None
     assert "no motion" in found.note
 

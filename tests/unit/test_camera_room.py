@@ -13,7 +13,7 @@ from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion, Pose, planar_parameters, planar_pose, relative_motion
 from ffseg.camera.projections import Affine, UnifiedSphere
 from ffseg.freespace.sequence import Frame, free_space
-from ffseg.freespace.window import Earlier
+from ffseg.freespace.window import EarlierImage
 from ffseg.image.keypoints import Candidates, align_patches, patch_scores, plane_candidates
 from ffseg.parameters import load_params
 from tests.triangulation import triangulate
@@ -82,7 +82,7 @@ def freed(room: Room, poses: tuple[Pose, Pose]) -> Frame:
     camera, images = room.halved()
     params = load_params("omni-indoor")
     found = segment_view(images[0], camera, params)
-    return free_space(images[0], found, [Earlier(images[1], poses)], camera, params.obstacles.altitude)
+    return free_space(images[0], found, [EarlierImage(images[1], poses)], camera, params.obstacles.altitude)
 
 
 def test_the_floor_is_free_and_desks_are_not_merged(room: Room) -> None:

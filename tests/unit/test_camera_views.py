@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from rendered import render_pair, write_pair
 
-from ffseg.batch.views import Views, load_views, neighbours
-from ffseg.batch.workers.frames import Before, evidence_lines, merged_segmentation, obstacle_rows, overlay_lines
+from ffseg.batch.views import CameraSetup, load_views, neighbours
+from ffseg.batch.workers.frames import EarlierImages, evidence_lines, merged_segmentation, obstacle_rows, overlay_lines
 from ffseg.io.images import Limits
 from ffseg.io.masks import encode_png
 from ffseg.parameters import load_params
@@ -23,10 +23,10 @@ def test_neighbours_follow_within_their_folder() -> None:
 def test_a_pair_becomes_rows_lines_and_a_merged_mask(tmp_path: Path) -> None:
     write_pair(tmp_path)
     camera, poses = str(tmp_path / "camera.yaml"), str(tmp_path / "poses.csv")
-    views: Views = pickle.loads(pickle.dumps(load_views(camera, poses, None, ["1.png", "2.png"])))
+    views: CameraSetup = pickle.loads(pickle.dumps(load_views(camera, poses, None, ["1.png", "2.png"])))
     pair = render_pair(4)
     previous = encode_png(pair.previous.image, [])
-    frame = Before(views, "2.png", [previous], Limits()).frame(Scene(pair.current.image, load_params()))
+    frame = EarlierImages(views, "2.png", [previous], Limits()).frame(Scene(pair.current.image, load_params()))
     rows = obstacle_rows(frame)
     assert {row["verdict"] for row in rows} == {"obstacle", "false_obstacle"}
     assert all(r["max_altitude_m"] == pytest.approx(0, abs=0.08) for r in rows if r["verdict"] == "false_obstacle")
@@ -40,6 +40,6 @@ def test_a_pair_becomes_rows_lines_and_a_merged_mask(tmp_path: Path) -> None:
     assert len(drawn) == len(frame.fit.inliers) + frame.fit.count + 2 * len(frame.samples)
     places = [line.points.mean(axis=0) for line in drawn if len(line.points) == 4]
     assert np.array(places) == pytest.approx(frame.fit.tracks.current)
-    first = Before(views, "1.png", [], Limits()).frame(Scene(pair.previous.image, load_params()))
+    first = EarlierImages(views, "1.png", [], Limits()).frame(Scene(pair.previous.image, load_params()))
     assert {row["verdict"] for row in obstacle_rows(first)} == {"untested"}
     assert {row["max_altitude_m"] for row in obstacle_rows(first)} == {""}

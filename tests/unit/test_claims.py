@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import ffseg
-from ffseg.image.opencv_peers import near
+from ffseg.image.opencv_peers import near_start
 from ffseg.image.raster import rasterize
 from tests.discs import overlap as iou
 from tests.masks import read_mask
@@ -59,7 +59,7 @@ def test_grabcut_is_told_that_four_radii_round_the_start_are_probably_inside() -
     disc = rasterize((ffseg.FreeForm.circle((150, 120), 20, 24, 3),), (240, 300))
     yy, xx = np.mgrid[:240, :300]
     distance = np.hypot(xx - 150, yy - 120)
-    told = near(disc, radii)
+    told = near_start(disc, radii)
     assert told[distance < 20 * radii - 1.5].all()
     assert not told[distance > 20 * radii + 1.5].any()  # a pixel for the disc's own steps, half for the centre
 

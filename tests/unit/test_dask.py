@@ -25,7 +25,7 @@ from ffseg.batch.executors import dask, held
 from ffseg.batch.executors.base import Assignment
 from ffseg.batch.executors.processes import Processes
 from ffseg.batch.outputs.table import Products
-from ffseg.batch.plan.sources import Job, Source
+from ffseg.batch.plan.sources import InputImage, Job
 from ffseg.batch.workers.launch import Process, launch
 from ffseg.batch.workers.messages import Setup, Task
 from ffseg.errors import UsageError, WorkerLostError
@@ -180,7 +180,7 @@ def test_what_nobody_gives_a_chunk_any_more_ends_by_itself(monkeypatch: pytest.M
     monkeypatch.setattr(held, "IDLE_S", 0.01)
     idle = [Ended(), Ended()]
     for number, executor in enumerate(idle):
-        held._keep(held.Held(f"setup {number}", executor))
+        held._keep(held.HeldProcess(f"setup {number}", executor))
     assert all(executor.closed.wait(30) for executor in idle)
     assert held._idle == []
 
@@ -280,7 +280,7 @@ def test_a_worker_being_started_at_the_stop_ends_as_well(tmp_path: Path, monkeyp
         return process
 
     monkeypatch.setattr("ffseg.batch.executors.processes.launch", started)
-    job = Job(0, Source(str(tmp_path / NAMES[0]), NAMES[0]), "i0")
+    job = Job(0, InputImage(str(tmp_path / NAMES[0]), NAMES[0]), "i0")
     executor.put(Task(job, str(tmp_path), ("masks/i0.png", "contours/i0.svg")))
     assert list(executor.replies(20_000)) == []  # the process is handed the image, and its end is heard of
     with pytest.raises(WorkerLostError, match="told to end"):

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ffseg.cli.commands.learn import asked
+from ffseg.cli.commands.learn import prior_sentence
 from ffseg.evidence.base import enough_of
 from ffseg.evidence.features import KNOWN
 from ffseg.evidence.forest import Forest, Model, from_bytes, to_bytes
 from ffseg.evidence.prior import prior
-from ffseg.evidence.source import told
-from ffseg.learning.training import THIN, Asked, Samples, asking, learn, samples
+from ffseg.evidence.source import model_odds
+from ffseg.learning.training import THIN, PriorChoice, Samples, choose_prior, learn, samples
 from tests.stumps import stump
 from tests.unit.test_evidence_base import halves
 from tests.unit.test_evidence_learning import example
@@ -25,7 +25,7 @@ def sampled(share: float) -> Samples:
 
 @pytest.mark.parametrize(("share", "found"), [(0.8, True), (0.7, False)])
 def test_one_mask_asks_the_prior_where_it_serves(share: float, found: bool) -> None:
-    decided = asking([sampled(share)])
+    decided = choose_prior([sampled(share)])
     assert (decided.asked, decided.enough, decided.taught) == (found, enough_of(1), None)
     assert decided.prior == pytest.approx(share)
 
@@ -37,21 +37,23 @@ def test_more_masks_ask_it_where_it_adds_to_what_they_teach_each_other(
 ) -> None:
     """However well it does by itself; here it is surer than they are, and both together are what it is."""
     told = [halves(taught)[0][::THIN] / 2] * count
-    monkeypatch.setattr("ffseg.learning.training._told_by_others", lambda _, corrected: told)
+    monkeypatch.setattr("ffseg.learning.training._left_out_odds", lambda _, corrected: told)
     chosen = [sampled(share)] * count
-    decided = asking(chosen)
+    decided = choose_prior(chosen)
     assert decided.asked is found
     assert (decided.taught, decided.both) == (pytest.approx(taught, abs=0.01), pytest.approx(share, abs=0.01))
-    assert asking([*chosen, Samples(chosen[0].rows, chosen[0].inside)]) is None
+    assert choose_prior([*chosen, Samples(chosen[0].rows, chosen[0].inside)]) is None
 
 
 def test_a_model_adds_the_log_odds_of_the_prior() -> None:
     one = example(1)
     even = Forest({**stump("x", 0.5).arrays, "value": np.ones(2, np.float32)}, bias=0.25)
     alone, both = (Model(even, exposed=True, prior=weight) for weight in (0.0, 0.5))
-    np.testing.assert_allclose(told(alone, one.image, one.start), 1 / (1 + np.exp(-1.25)), rtol=1e-6)
+    np.testing.assert_allclose(model_odds(alone, one.image, one.start), 1 / (1 + np.exp(-1.25)), rtol=1e-6)
     sums = 1.25 + 0.5 * prior(one.image, one.start)
-    np.testing.assert_allclose(told(both, one.image, one.start), 1 / (1 + np.exp(-sums)), rtol=1e-5)  # single precision
+    np.testing.assert_allclose(
+        model_odds(both, one.image, one.start), 1 / (1 + np.exp(-sums)), rtol=1e-5
+    )  # single precision
     with pytest.raises(ValueError, match="asks the prior"):
         both.map(both.look(one.image, one.start))
 
@@ -71,7 +73,9 @@ def test_learning_decides_and_says_so(sign: int) -> None:
     assert model.prior == (sign > 0)
     said = model.about["prior"]
     assert said["asked"] is (said["both"] > said["taught"]) is (sign > 0)
-    assert f"the masks teach each other {said['taught']:.2f}, {said['both']:.2f} with it" in asked(Asked(**said))
+    assert f"the masks teach each other {said['taught']:.2f}, {said['both']:.2f} with it" in prior_sentence(
+        PriorChoice(**said)
+    )
 
 
 def test_samples_hold_the_odds_of_their_own_pixels() -> None:
@@ -82,7 +86,7 @@ def test_samples_hold_the_odds_of_their_own_pixels() -> None:
 
 
 def test_what_is_said_of_one_mask() -> None:
-    assert asked(Asked(True, 0.8, 0.75, None)).startswith(
+    assert prior_sentence(PriorChoice(True, 0.8, 0.75, None)).startswith(
         "asks the prior that comes with ffseg too, which shares 0.80 of the masks' pixels"
     )
-    assert asked(Asked(False, 0.3, 0.75, None)).endswith("(0.75 is wanted)")
+    assert prior_sentence(PriorChoice(False, 0.3, 0.75, None)).endswith("(0.75 is wanted)")

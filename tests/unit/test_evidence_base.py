@@ -7,8 +7,8 @@ from ffseg.evidence.base import base, enough_of, joined, odds_of
 from ffseg.evidence.features import KNOWN, features
 from ffseg.evidence.forest import MAGIC, Model, from_bytes, to_bytes
 from ffseg.evidence.openings import OPEN
-from ffseg.image.exposure import exposed
-from ffseg.learning.training import TAUGHT, Samples, _taught_by_others, beginning, grow, learn, samples
+from ffseg.image.exposure import normalised_exposure
+from ffseg.learning.training import TAUGHT, Samples, _left_out_overlap, choose_base, grow, learn, samples
 from ffseg.metrics import iou
 from tests.stumps import stump
 from tests.unit.test_evidence_learning import example, predicted
@@ -47,8 +47,8 @@ def test_joined_forests_add_their_odds() -> None:
 def test_few_masks_must_show_more(count: int, share: float, ok: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     odds, inside = zip(*(halves(share) for _ in range(count)), strict=True)
     chosen = [Samples(np.zeros((len(one), len(KNOWN)), np.float32), one) for one in inside]
-    monkeypatch.setattr("ffseg.learning.training._taught_by_others", lambda _: 1.0)
-    found = beginning(chosen, odds)
+    monkeypatch.setattr("ffseg.learning.training._left_out_overlap", lambda _: 1.0)
+    found = choose_base(chosen, odds)
     assert found.corrected is (ok or count == 1)  # one mask is too little to begin with
     assert (found.base, found.enough) == (pytest.approx(share, abs=0.001), enough_of(count))  # of 1000 pixels
     assert found.taught == (None if ok or count == 1 else 1.0)
@@ -67,22 +67,22 @@ def test_masks_correct_a_base_that_serves_them(monkeypatch: pytest.MonkeyPatch) 
         np.testing.assert_allclose(odds_of(model.inside, one.rows), total, atol=1e-4)  # sums in another order
     assert iou(predicted(model, example(3)) > 0.5, example(3).truth) > 0.9
     monkeypatch.setattr("ffseg.learning.training.enough_of", lambda _: 2.0)
-    monkeypatch.setattr("ffseg.learning.training._taught_by_others", lambda _: 1.0)
+    monkeypatch.setattr("ffseg.learning.training._left_out_overlap", lambda _: 1.0)
     assert learn(chosen, searched=False).inside.features == TAUGHT
 
 
 def test_masks_teach_each_other_unless_they_contradict() -> None:
     pytest.importorskip("lightgbm")
     one, two = (samples(example(seed)) for seed in (1, 2))
-    assert _taught_by_others([one, two]) > 0.8
-    assert _taught_by_others([one, Samples(two.rows, ~two.inside)]) < 0.2
+    assert _left_out_overlap([one, two]) > 0.8
+    assert _left_out_overlap([one, Samples(two.rows, ~two.inside)]) < 0.2
 
 
 @pytest.mark.parametrize(("taught", "corrected"), [(0.0, True), (1.0, False)])
 def test_a_base_is_mended_by_better_masks(taught: float, corrected: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("lightgbm")
     monkeypatch.setattr("ffseg.learning.training.enough_of", lambda _: 2.0)
-    monkeypatch.setattr("ffseg.learning.training._taught_by_others", lambda _: taught)
+    monkeypatch.setattr("ffseg.learning.training._left_out_overlap", lambda _: taught)
     model = learn([samples(example(seed)) for seed in (1, 2)], searched=False)
     assert (model.inside.features == KNOWN) is corrected
     assert (model.inside.features == TAUGHT) is not corrected
@@ -98,7 +98,9 @@ def test_a_model_remembers_how_it_looks_at_images() -> None:
     assert not from_bytes(to_bytes(plain)).exposed
     assert b"exposed" not in to_bytes(plain)[: len(MAGIC) + 200]
     dark = (one.image // 4).astype(np.uint8)
-    np.testing.assert_array_equal(told.look(dark, one.start).planes, plain.look(exposed(dark), one.start).planes)
+    np.testing.assert_array_equal(
+        told.look(dark, one.start).planes, plain.look(normalised_exposure(dark), one.start).planes
+    )
     assert not np.array_equal(told.look(dark, one.start).planes, plain.look(dark, one.start).planes)
 
 

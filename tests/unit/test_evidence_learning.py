@@ -10,7 +10,7 @@ from ffseg.evidence.base import base
 from ffseg.evidence.features import KNOWN, features
 from ffseg.evidence.forest import Model
 from ffseg.evidence.openings import OPEN
-from ffseg.evidence.source import told
+from ffseg.evidence.source import model_odds
 from ffseg.learning.learn import uncertainty
 from ffseg.learning.training import (
     CORRECTED,
@@ -53,7 +53,7 @@ def example(seed: int, *, start: bool = True) -> Example:
 
 
 def predicted(model: Model, one: Example) -> np.ndarray:
-    return told(model, one.image, one.start)
+    return model_odds(model, one.image, one.start)
 
 
 def test_two_masks_teach_what_is_inside() -> None:

@@ -6,7 +6,7 @@ import pytest
 from ffseg.evidence.features import KNOWN, NAMES, PLAIN, features
 from ffseg.evidence.forest import Model, from_bytes, to_bytes
 from ffseg.evidence.maps import widened
-from ffseg.evidence.openings import OPEN, PASSAGES, open_ground
+from ffseg.evidence.openings import OPEN, PASSAGES, open_areas
 from tests.stumps import stump
 
 SHAPE = (60, 100)
@@ -30,7 +30,7 @@ def start() -> np.ndarray:
 def seen(image: np.ndarray, factor: int = 1) -> np.ndarray:
     inside = start()[::factor, ::factor].astype(np.uint8)
     planes = np.empty((len(OPEN), *inside.shape), np.float32)
-    open_ground(image, inside, factor, planes)
+    open_areas(image, inside, factor, planes)
     return planes
 
 

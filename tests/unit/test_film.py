@@ -16,7 +16,7 @@ import ffseg
 from ffseg.batch.report.contours import read_contours
 from ffseg.geometry.freeform import FreeForm
 from ffseg.io.animation import FRAME_MS, LAST_MS, animation_bytes
-from ffseg.io.snapshots import scaled_contour, scaled_down, spread
+from ffseg.io.snapshots import evenly_spaced, scaled_contour, scaled_down
 from ffseg.io.strip import film_strip_svg
 from ffseg.scene import Progress
 
@@ -72,7 +72,7 @@ def test_contour_stays_on_its_edge_when_scaled() -> None:
 @pytest.mark.parametrize(("length", "count"), [(1, 6), (6, 6), (7, 6), (100, 6), (100, 2)])
 def test_spread_keeps_first_and_last(length: int, count: int) -> None:
     snapshots = [Progress(index, ()) for index in range(length)]
-    chosen = [snapshot.iteration for snapshot in spread(snapshots, count)]
+    chosen = [snapshot.iteration for snapshot in evenly_spaced(snapshots, count)]
     assert len(chosen) == min(length, count)
     assert (chosen[0], chosen[-1]) == (0, length - 1)
     assert all(a < b for a, b in pairwise(chosen))

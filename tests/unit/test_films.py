@@ -18,10 +18,10 @@ from PIL import Image
 from ffseg.batch.outputs.table import Products
 from ffseg.batch.plan.discover import discover
 from ffseg.batch.plan.jobs import make_plan
-from ffseg.batch.plan.reading import parted, read_input
+from ffseg.batch.plan.reading import read_input, split_member_path
 from ffseg.batch.workers.pictures import read_source
 from ffseg.errors import ImageReadError, UsageError
-from ffseg.io.films import contents
+from ffseg.io.films import film_contents
 from ffseg.io.images import read_image
 
 INPROCESS = "inprocess"
@@ -95,7 +95,7 @@ def test_pages_that_would_be_read_with_other_values_are_refused(kind: str, photo
 
 def test_a_frame_is_one_text_and_is_read_from_anywhere(film: Path) -> None:
     sources = discover([str(film)])
-    assert parted(sources[3].content) == (str(film), "film_000003.mp4", (3, 1))
+    assert split_member_path(sources[3].content) == (str(film), "film_000003.mp4", (3, 1))
     data = [read_input(source.content, 1 << 20) for source in sources]
     assert len(set(data)) == 12
     for number in (7, 2, 2, 11):
@@ -177,7 +177,7 @@ def test_what_is_no_film_is_a_row_that_says_so(tmp_path: Path, content: bytes) -
     (source,) = discover([str(path)])
     assert source.problem.startswith("damaged: it is no film that can be read")
     with pytest.raises(ImageReadError):
-        contents(str(path))
+        film_contents(str(path))
 
 
 def test_sound_alone_is_no_film(tmp_path: Path) -> None:

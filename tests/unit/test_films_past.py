@@ -8,7 +8,7 @@ from batches import snapshot, table
 from commands import Command
 from drawn_films import pictures, write_film
 
-from ffseg.image.flow import BAND, carried, start_in, steadied
+from ffseg.image.flow import BAND, start_in, steadied_region, warped_region
 from tests.discs import disc_of, overlap
 from tests.masks import write_image
 
@@ -20,26 +20,26 @@ def test_a_region_goes_where_motion_takes_it() -> None:
     texture = np.random.default_rng(1).integers(0, 60, (120, 160), dtype=np.uint8)
     before = np.where(disc(70, 60, 30), 180 + texture // 2, GROUND).astype(np.uint8)
     now = np.where(disc(76, 64, 30), 180 + np.roll(texture, (4, 6), (0, 1)) // 2, GROUND).astype(np.uint8)
-    region = carried(before, now, disc(70, 60, 30))
+    region = warped_region(before, now, disc(70, 60, 30))
     assert overlap(region, disc(76, 64, 30)) > 0.97
     assert overlap(disc(70, 60, 30), disc(76, 64, 30)) < 0.8
-    assert overlap(carried(np.dstack([before] * 3), np.dstack([now] * 3), disc(70, 60, 30)), region) > 0.99
+    assert overlap(warped_region(np.dstack([before] * 3), np.dstack([now] * 3), disc(70, 60, 30)), region) > 0.99
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (2, 100), (8, 100), (24, 400), (100, 7)])
 def test_the_smallest_frames_are_carried_too(shape: tuple[int, int]) -> None:
     """OpenCV's flow refuses some of them and ends the process at others."""
     image = np.random.default_rng(1).integers(0, 255, shape, dtype=np.uint8)
-    assert overlap(carried(image, image, image >= 0), image >= 0) == 1
+    assert overlap(warped_region(image, image, image >= 0), image >= 0) == 1
 
 
 def test_the_outline_goes_half_way_where_the_two_lie_close() -> None:
-    assert overlap(steadied(disc(80, 60, 32), disc(80, 60, 30)), disc(80, 60, 31)) > 0.98
+    assert overlap(steadied_region(disc(80, 60, 32), disc(80, 60, 30)), disc(80, 60, 31)) > 0.98
     far = disc(80, 60, 30 + 3 * BAND)
-    assert np.array_equal(steadied(far, disc(80, 60, 30)), far)
+    assert np.array_equal(steadied_region(far, disc(80, 60, 30)), far)
     nothing = np.zeros_like(far)
-    assert np.array_equal(steadied(nothing, far), nothing)
-    assert np.array_equal(steadied(far, nothing), far)
+    assert np.array_equal(steadied_region(nothing, far), nothing)
+    assert np.array_equal(steadied_region(far, nothing), far)
 
 
 @pytest.mark.parametrize("radius", [0, 1, 2, 4, 8])
@@ -47,7 +47,7 @@ def test_the_outline_goes_half_way_where_the_two_lie_close() -> None:
 def test_a_hole_is_never_held_closed(x: int, radius: int) -> None:
     """Also one of a pixel, or close to the outline, where the past would outvote it."""
     whole, hole = disc(80, 60, 34), disc(x, 60, radius) & disc(80, 60, 32)
-    found = steadied(whole & ~hole, whole)
+    found = steadied_region(whole & ~hole, whole)
     assert not (found & hole).any()
 
 

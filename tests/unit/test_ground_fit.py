@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from ffseg.camera.motion import PARAMETERS, planar_motion
-from ffseg.freespace.motion import evidence, ground
-from ffseg.freespace.motion.evidence import FREE, Evidence
+from ffseg.freespace.motion import candidates, ground
+from ffseg.freespace.motion.candidates import FREE, GroundCandidates
 from ffseg.freespace.motion.ground import GroundFit, fit_ground, predictions, prior_sigmas
-from ffseg.freespace.motion.tracking import Tracks
+from ffseg.freespace.motion.tracking import TrackedPoints
 from ffseg.rendering.pairs import sample_camera
 
 CAMERA = sample_camera()
@@ -41,10 +41,10 @@ def fitted(
     if information is None:
         information = np.tile(np.eye(2) / SIGMA**2, (len(current), 1, 1))
     owner = np.full(len(current), FREE) if owner is None else owner
-    tracks = Tracks(current, seen(current, np.zeros(PARAMETERS)), previous, information, owner, len(current))
-    monkeypatch.setattr(ground, "tracked", lambda *_: tracks)
+    tracks = TrackedPoints(current, seen(current, np.zeros(PARAMETERS)), previous, information, owner, len(current))
+    monkeypatch.setattr(ground, "track_points", lambda *_: tracks)
     grey = np.zeros((CAMERA.height, CAMERA.width), np.uint8)
-    return fit_ground(CAMERA, PRIOR, SIGMAS, (grey, grey), Evidence(current, owner), ("full",))
+    return fit_ground(CAMERA, PRIOR, SIGMAS, (grey, grey), GroundCandidates(current, owner), ("full",))
 
 
 def seen(current: np.ndarray, shift: np.ndarray = SHIFT) -> np.ndarray:
@@ -132,10 +132,10 @@ def test_the_grid_keeps_clear_of_all_that_is_not_free(shape: tuple[int, int]) ->
     free = np.random.default_rng(3).random(shape) > 0.002
     rig = replace(sample_camera(), center=(90.0, 60.0), robot_radius=15.0)
     expected = []
-    for y in range(evidence.GRID_STEP // 2, shape[0] - evidence.CLEAR, evidence.GRID_STEP):
-        for x in range(evidence.GRID_STEP // 2, shape[1] - evidence.CLEAR, evidence.GRID_STEP):
-            reach = evidence.CLEAR
+    for y in range(candidates.GRID_STEP // 2, shape[0] - candidates.CLEAR, candidates.GRID_STEP):
+        for x in range(candidates.GRID_STEP // 2, shape[1] - candidates.CLEAR, candidates.GRID_STEP):
+            reach = candidates.CLEAR
             window = free[y - reach : y + reach + 1, x - reach : x + reach + 1]
             if window.all() and np.hypot(x - 90, y - 60) > 15 + reach:
                 expected.append([x, y])
-    assert (evidence.ground_grid(rig, free).tolist(), bool(expected)) == (expected, shape[0] > 2 * evidence.CLEAR)
+    assert (candidates.ground_grid(rig, free).tolist(), bool(expected)) == (expected, shape[0] > 2 * candidates.CLEAR)

@@ -6,7 +6,7 @@ import pytest
 from ffseg.evidence import base, hints, prior
 from ffseg.evidence.forest import load_model, to_bytes
 from ffseg.learning.drawn.sights import KINDS, LEAST_DEPTH, sights
-from ffseg.learning.grow import HINTED, LOOKS, grow, taken, told
+from ffseg.learning.grow import HINTED, LOOKS, grow, hint_samples, prior_samples
 from ffseg.metrics import INSIDE
 from tests.campaigns.left_out import GROUPS, changed
 
@@ -16,7 +16,7 @@ FLAT = [name for name, kind in KINDS.items() if not kind.alike]
 
 @pytest.mark.parametrize(
     ("path", "names", "looks"),
-    [(prior.MODEL, prior.TAKEN, LOOKS), (base.BASE, None, LOOKS), (hints.MODEL, hints.TAKEN, HINTED)],
+    [(prior.MODEL, prior.FEATURE_NAMES, LOOKS), (base.BASE, None, LOOKS), (hints.MODEL, hints.FEATURE_NAMES, HINTED)],
 )
 def test_the_models_that_ship_say_what_they_are_of(path: object, names: object, looks: int) -> None:
     about = load_model(path, *([names] if names else [])).about
@@ -40,12 +40,16 @@ def test_a_look_does_not_depend_on_how_many_there_are() -> None:
 
 
 def test_the_same_looks_grow_the_same_bytes() -> None:
-    made = [to_bytes(grow([look[0][0] for look in taken("tissue", 2)], prior.TAKEN, {})) for _ in range(2)]
+    made = [
+        to_bytes(grow([look[0][0] for look in prior_samples("tissue", 2)], prior.FEATURE_NAMES, {})) for _ in range(2)
+    ]
     assert made[0] == made[1]
 
 
 def test_the_same_clicks_grow_the_same_bytes() -> None:
-    made = [to_bytes(grow(told("nuclei", 2, prior.MODEL.read_bytes()), hints.TAKEN, {})) for _ in range(2)]
+    made = [
+        to_bytes(grow(hint_samples("nuclei", 2, prior.MODEL.read_bytes()), hints.FEATURE_NAMES, {})) for _ in range(2)
+    ]
     assert made[0] == made[1]
 
 

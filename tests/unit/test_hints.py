@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 import ffseg
 from ffseg.evidence import clicks as evidence
 from ffseg.evidence import hints, prior
-from ffseg.evidence.clicks import Asked, Click, Told, corrected
-from ffseg.learning.drawn.clicks import Clicks, covered
+from ffseg.evidence.clicks import Click, ClickedImage, ClickState, state_after_all
+from ffseg.learning.drawn.clicks import Clicks, disc_mask
 from ffseg.learning.drawn.sights import Sight, sights
 from ffseg.metrics import INSIDE, iou
 from ffseg.parameters import Circle
@@ -54,8 +54,8 @@ def test_every_click_holds(kind: str) -> None:
 def assert_held(clicks: Clicks, found: Segmentation) -> None:
     """But for a rim of a pixel and a half: the contour settles on an edge that near."""
     inside, outside = (tuple((x, y, max(r - 1.5, 0.5)) for x, y, r in side) for side in (clicks.inside, clicks.outside))
-    assert found.mask[covered(inside, found.mask.shape)].all()
-    assert not found.mask[covered(outside, found.mask.shape)].any()
+    assert found.mask[disc_mask(inside, found.mask.shape)].all()
+    assert not found.mask[disc_mask(outside, found.mask.shape)].any()
 
 
 def test_clicks_on_drawings_that_were_not_learned_from_mend_what_the_first_left() -> None:
@@ -132,12 +132,12 @@ def test_a_click_outside_corrects_what_a_map_says_and_leaves_the_rest() -> None:
     assert (found.source, iou(found.mask, truth) > 0.95) == ("hints", True)
 
 
-def told(said: NDArray[np.float32], circles: list[Click], points: list[Click] = []) -> Told:  # noqa: B006 - never changed
+def told(said: NDArray[np.float32], circles: list[Click], points: list[Click] = []) -> ClickState:  # noqa: B006 - never changed
     """What clicks tell of a speckled image of one colour, of which something is said; a disc near its left end is known."""
     image = np.random.default_rng(3).integers(100, 140, (*said.shape, 3), np.uint8)
     y, x = np.ogrid[: said.shape[0], : said.shape[1]]
     inside = np.hypot(x - 20, y - 60) <= 6
-    return corrected(Asked(image, inside, np.zeros_like(inside), said, 0.0, None), circles, points)
+    return state_after_all(ClickedImage(image, inside, np.zeros_like(inside), said, 0.0, None), circles, points)
 
 
 def shows(monkeypatch: pytest.MonkeyPatch, *odds: float) -> Mock:
@@ -195,12 +195,12 @@ def test_only_clicks_inside_are_looked_from_anew(monkeypatch: pytest.MonkeyPatch
     image, _ = halves()
     first = np.zeros(image.shape[:2], np.bool_)
     first[76:85, 36:45] = True
-    look = Mock(wraps=prior.look)
-    monkeypatch.setattr(prior, "look", look)
-    asked = Asked(image, first, np.zeros_like(first), None, 0.0, None)
+    look = Mock(wraps=prior.start_features)
+    monkeypatch.setattr(prior, "start_features", look)
+    asked = ClickedImage(image, first, np.zeros_like(first), None, 0.0, None)
     outside = [Click(200.0, 80.0, 6.0, False), Click(210.0, 40.0, 6.0, False)]
     for circles, looks in (([], 1), ([Click(60.0, 40.0, 6.0, True)], 2)):
-        assert corrected(asked, circles, outside) is not None
+        assert state_after_all(asked, circles, outside) is not None
         assert look.call_count == looks
 
 

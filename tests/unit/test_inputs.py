@@ -14,7 +14,7 @@ from batches import images_fixture, make_images, run_batch, run_plan, snapshot, 
 from commands import Command
 
 from ffseg.batch.outputs.table import Products
-from ffseg.batch.plan.discover import discover, listed
+from ffseg.batch.plan.discover import discover, sources_of_list
 from ffseg.batch.plan.jobs import make_plan
 from ffseg.batch.plan.reading import read_input
 from ffseg.batch.plan.sources import natural_key
@@ -141,7 +141,7 @@ def test_an_archive_may_end_with_its_last_member(end: int, images: Path, tmp_pat
 def test_a_list_that_ends_with_nul_asks_for_its_option(tmp_path: Path) -> None:
     (tmp_path / "list").write_bytes(b"a.png\0b.png\0")
     with pytest.raises(UsageError, match="list holds NUL bytes, which no path does; add -0"):
-        listed(str(tmp_path / "list"))
+        sources_of_list(str(tmp_path / "list"))
 
 
 def test_archives_that_cannot_be_read_in_place_are_refused(images: Path, tmp_path: Path) -> None:
@@ -165,17 +165,17 @@ def test_lists_name_images_one_by_one(nul: bool, images: Path, tmp_path: Path, m
     monkeypatch.chdir(images)
     end = b"\0" if nul else b"\n"
     (tmp_path / "list").write_bytes(end.join([b"b/a9.png", b"a.png", b"a.png", b"b/none.png"]) + end)
-    sources = listed(str(tmp_path / "list"), nul=nul)
+    sources = sources_of_list(str(tmp_path / "list"), nul=nul)
     assert [source.name for source in sources] == ["b/a9.png", "a.png", "b/none.png"]
     plan = make_plan(sources, str(tmp_path / "out"))
     assert [job.source.name for job in plan.jobs] == ["b/a9.png", "a.png", "b/none.png"]
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO((tmp_path / "list").read_bytes())))
-    assert listed("-", nul=nul) == sources
+    assert sources_of_list("-", nul=nul) == sources
     (tmp_path / "list").write_bytes(end.join(os.fsencode(images / name) for name in NAMES))
-    assert [source.name for source in listed(str(tmp_path / "list"), nul=nul)] == NAMES
+    assert [source.name for source in sources_of_list(str(tmp_path / "list"), nul=nul)] == NAMES
     (tmp_path / "list").write_bytes(end)
     with pytest.raises(UsageError, match="names no image"):
-        listed(str(tmp_path / "list"), nul=nul)
+        sources_of_list(str(tmp_path / "list"), nul=nul)
 
 
 def test_the_command_takes_a_list_from_stdin(images: Path, tmp_path: Path, ffseg_command: Command) -> None:

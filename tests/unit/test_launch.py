@@ -26,8 +26,8 @@ from ffseg.batch.workers.launch import Forked, launch
 held = os.open(os.devnull, os.O_RDONLY)
 worker = launch()
 seen = {{"forked": isinstance(worker.handle, Forked), "heavy": "numpy" in sys.modules}}
-from ffseg.batch.plan.sources import Job, Source
-from ffseg.batch.workers.messages import Setup, Task, received, send
+from ffseg.batch.plan.sources import InputImage, Job
+from ffseg.batch.workers.messages import Setup, Task, received_messages, send
 from ffseg.parameters import load_params
 
 def faults():
@@ -35,13 +35,13 @@ def faults():
     return int(fields[7])
 
 send(worker.tasks, Setup(params=load_params()))
-replies = received(worker.replies)
+replies = received_messages(worker.replies)
 seen["ready"] = type(next(replies)).__name__
 names = ("masks/0.png", "contours/0.svg")
 for index in range(8):
     if index == 4:
         first = faults()
-    send(worker.tasks, Task(Job(index, Source(sys.argv[1], "0.png"), "0"), "out", names))
+    send(worker.tasks, Task(Job(index, InputImage(sys.argv[1], "0.png"), "0"), "out", names))
     reply = next(replies)
 seen["faults"] = (faults() - first) / 4
 seen["status"] = type(reply).__name__

@@ -9,9 +9,9 @@ import ffseg
 from ffseg.camera.motion import planar_pose, relative_motion
 from ffseg.freespace import sequence
 from ffseg.freespace.sequence import Frame
-from ffseg.image.leaks import leaked
+from ffseg.image.leaks import leaking_pixels
 from ffseg.rendering.raycast import FIRST_WALL, Rendering, render
-from ffseg.rendering.scene import Floor, Room, Scene
+from ffseg.rendering.scene import Floor, Room, World
 from ffseg.samples.drive import drive_camera, drive_scene
 from tests.discs import overlap
 
@@ -19,7 +19,7 @@ POSES = ((0.25, 0.95, 0.3), (0.0, 1.05, 0.3))
 CUT = "moved as nothing on the ground does"
 
 
-def seen(scene: Scene, footprint: float, posed: bool = True) -> tuple[Frame, Rendering]:
+def seen(scene: World, footprint: float, posed: bool = True) -> tuple[Frame, Rendering]:
     """The second frame of a pair, and what is true of it."""
     camera = replace(drive_camera(), footprint=footprint)
     drive = ffseg.Sequence(camera)
@@ -29,7 +29,7 @@ def seen(scene: Scene, footprint: float, posed: bool = True) -> tuple[Frame, Ren
     return frame, view
 
 
-def walls_of_the_floors_grey() -> Scene:
+def walls_of_the_floors_grey() -> World:
     scene = drive_scene()
     return replace(scene, boxes=scene.boxes[:1], room=Room((2.4, 2.2), 0.2, scene.ground_grey, shading=(45.0, 2.0)))
 
@@ -57,7 +57,7 @@ def test_light_that_moves_with_the_camera_is_no_wall(share: float, wave: float) 
     views = [render(drive_scene(), camera, pose, number, subsamples=2) for number, pose in enumerate(POSES)]
     previous, current = (np.clip(view.image + shine, 0, 255).astype(np.uint8) for view in views)
     motion = relative_motion(*(planar_pose(camera, *pose) for pose in POSES))
-    assert not leaked(camera, motion, current, previous, views[1].truth).any()
+    assert not leaking_pixels(camera, motion, current, previous, views[1].truth).any()
 
 
 def test_poses_that_the_ground_does_not_confirm_cut_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

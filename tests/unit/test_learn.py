@@ -10,11 +10,11 @@ from commands import Command
 
 from ffseg.cli.commands.learn import sentences
 from ffseg.evidence.forest import load_model, to_bytes
-from ffseg.evidence.source import told
+from ffseg.evidence.source import model_odds
 from ffseg.learning import learn as learning
 from ffseg.learning.gather import gather
-from ffseg.learning.learn import Figures, _worth_drawing, learned
-from ffseg.learning.training import Asked, Beginning, Example, grown, samples
+from ffseg.learning.learn import CrossValidation, _worth_drawing, learn_and_measure
+from ffseg.learning.training import BaseChoice, Example, PriorChoice, grown, samples
 from ffseg.parameters import load_params
 from tests.discs import disc_of
 from tests.masks import write_image
@@ -68,13 +68,13 @@ def test_learn_then_run(folder: Path, ffseg_command: Command) -> None:
 def test_without_starts_the_model_finds_them(folder: Path) -> None:
     params = load_params(None, {"init.radius": 5})
     gathered = gather([str(folder / "in")], str(folder / "truth"), params)
-    model, figures = learned(gathered, params, lambda _: None)
+    model, figures = learn_and_measure(gathered, params, lambda _: None)
     assert model.start is not None
     assert figures.iou > 0.85
     assert [number for number, _ in figures.curve] == [1, 2]
     assert min(value for _, value in figures.curve) > 0.7  # from starts drawn inside the masks
     (folder / "in" / "4.png").write_bytes(b"")
-    quick, unmeasured = learned(gathered, params, (said := []).append, measured=False)
+    quick, unmeasured = learn_and_measure(gathered, params, (said := []).append, measured=False)
     assert [line for line in said if "passed over" in line] == [
         f"passed over: {folder}/in/4.png: the file is empty; copy it again"
     ]
@@ -91,7 +91,7 @@ def test_without_the_model_is_without_that_of_the_parameters_too(folder: Path) -
     (folder / "starts.csv").unlink()
     params, said = load_params(None, {"init.center": [60, 40], "init.radius": 5}), []
     plain = gather([str(folder / "in")], str(folder / "truth"), params)
-    model, figures = learned(plain, params, said.append, measured=False)
+    model, figures = learn_and_measure(plain, params, said.append, measured=False)
     assert "looking at 1\\u000a.png" in said
     assert not any("\n" in line for line in (*said, *sentences(figures, "m.ffmodel")))
     (folder / "m.ffmodel").write_bytes(to_bytes(model))
@@ -105,12 +105,13 @@ def test_without_the_model_is_without_that_of_the_parameters_too(folder: Path) -
 
 
 def test_the_verdict_comes_first_and_no_figure_has_two_meanings() -> None:
-    one = sentences(Figures(1, float("nan"), float("nan"), float("nan"), float("nan"), helps=None), "a.ffmodel")
+    one = sentences(CrossValidation(1, float("nan"), float("nan"), float("nan"), float("nan"), helps=None), "a.ffmodel")
     assert one[0] == "a.ffmodel, learned from 1 mask, was not measured: that takes a second mask"
     assert not any("do without" in line for line in one)
-    curve, base = ((1, 0.7), (2, 0.755), (3, 0.763)), Beginning(True, 0.81, 0.64, None)
+    curve, base = ((1, 0.7), (2, 0.755), (3, 0.763)), BaseChoice(True, 0.81, 0.64, None)
     worse = sentences(
-        Figures(4, 0.155, 0.1, 0.61, 0.1, False, curve, 3, "b.png", base, Asked(True, 0.7, 0.6, None)), "a.ffmodel"
+        CrossValidation(4, 0.155, 0.1, 0.61, 0.1, False, curve, 3, "b.png", base, PriorChoice(True, 0.7, 0.6, None)),
+        "a.ffmodel",
     )
     verdict = "worse than no model: IoU on images left out 0.155 (spread 0.100), without it 0.610 (spread 0.100)"
     assert worse[0].endswith(verdict)
@@ -120,16 +121,16 @@ def test_the_verdict_comes_first_and_no_figure_has_two_meanings() -> None:
         "do without it, or draw more masks", "about 3 more masks may each still raise it by .005 or more",
         "most useful to draw next: b.png",
     ]  # fmt: skip
-    no_better = sentences(Figures(4, 0.62, 0.1, 0.61, 0.1, helps=False), "a.ffmodel")
+    no_better = sentences(CrossValidation(4, 0.62, 0.1, 0.61, 0.1, helps=False), "a.ffmodel")
     assert "no better than no model beyond the noise" in no_better[0]
-    assert "helps: IoU" in sentences(Figures(4, 0.82, 0.1, 0.61, 0.1, helps=True), "a.ffmodel")[0]
+    assert "helps: IoU" in sentences(CrossValidation(4, 0.82, 0.1, 0.61, 0.1, helps=True), "a.ffmodel")[0]
 
 
 @pytest.mark.parametrize("curve", [(), ((1, 0.5), (3, 0.58))])
 @pytest.mark.parametrize("more", [0, 3])
 @pytest.mark.parametrize("helps", [False, True])
 def test_nobody_is_told_to_draw_what_hardly_helps(curve: tuple[tuple[int, float], ...], more: int, helps: bool) -> None:
-    figures = Figures(4, 0.6, 0.1, 0.61, 0.1, helps, curve, more, "b.png")
+    figures = CrossValidation(4, 0.6, 0.1, 0.61, 0.1, helps, curve, more, "b.png")
     said = " ".join(sentences(figures, "a.ffmodel"))
     assert ("hardly raise" in said) == (bool(curve) and not more)
     assert not ("hardly raise" in said and ("draw more" in said or "draw next" in said))
@@ -139,21 +140,21 @@ def test_nobody_is_told_to_draw_what_hardly_helps(curve: tuple[tuple[int, float]
 @pytest.mark.parametrize(
     ("base", "said", "why"),
     [
-        (Beginning(True, 0.81, 0.64, None), "corrects the forest", "0.64 is enough"),
-        (Beginning(True, 0.52, 0.64, 0.41), "corrects the forest", "they teach each other 0.41"),
-        (Beginning(False, 0.42, 0.64, 0.58), "grown from the masks alone,", "they teach each other 0.58"),
-        (Beginning(True, 0.42, 0.75, None), "corrects the forest", "one mask is too little to begin with"),
+        (BaseChoice(True, 0.81, 0.64, None), "corrects the forest", "0.64 is enough"),
+        (BaseChoice(True, 0.52, 0.64, 0.41), "corrects the forest", "they teach each other 0.41"),
+        (BaseChoice(False, 0.42, 0.64, 0.58), "grown from the masks alone,", "they teach each other 0.58"),
+        (BaseChoice(True, 0.42, 0.75, None), "corrects the forest", "one mask is too little to begin with"),
     ],
 )
-def test_it_says_whether_the_base_was_corrected_and_why(base: Beginning, said: str, why: str) -> None:
-    lines = sentences(Figures(4, 0.6, 0.1, 0.5, 0.1, True, base=base), "a.ffmodel")
+def test_it_says_whether_the_base_was_corrected_and_why(base: BaseChoice, said: str, why: str) -> None:
+    lines = sentences(CrossValidation(4, 0.6, 0.1, 0.5, 0.1, True, base=base), "a.ffmodel")
     assert lines[1].startswith(f"{said} ")
     assert lines[1].endswith(f" ({why})")
     assert f" {base.base} " in lines[1]
 
 
 def test_the_curve_scores_contours_of_models_as_they_are_used(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With votes of neighbours and from the start, on the whole image: what `learned` measures left out, with more trees."""
+    """With votes of neighbours and from the start, whole: as `learn_and_measure` measures, with more trees."""
     params = load_params()
     labelled = gather([str(folder / "in")], str(folder / "truth"), params, str(folder / "starts.csv")).labelled
     chosen = [samples(Example(one.image, one.truth, one.start, 5)) for one in labelled]
@@ -163,7 +164,7 @@ def test_the_curve_scores_contours_of_models_as_they_are_used(folder: Path, monk
     curve = learning._curve(labelled, chosen)
     assert ([number for number, _ in curve], len(maps)) == ([1, 2], 3 * (2 + 1))
     models = [grown([one], learning.CURVE_TREES) for one in chosen]
-    used = [told(model, one.image, one.start) for model in models for one in labelled]
+    used = [model_odds(model, one.image, one.start) for model in models for one in labelled]
     assert all(any(np.array_equal(one, other) for other in used) for one in maps[:6])  # those of one mask
     monkeypatch.setattr(learning, "MOST_TESTED", 1)
     maps.clear()

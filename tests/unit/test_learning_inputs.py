@@ -16,8 +16,8 @@ from ffseg.evidence import base
 from ffseg.evidence.forest import Model, to_bytes
 from ffseg.learning import learn as learning
 from ffseg.learning.gather import few_known, gather, known_share, starts_off
-from ffseg.learning.learn import Figures
-from ffseg.learning.page import told
+from ffseg.learning.learn import CrossValidation
+from ffseg.learning.page import summary_lines
 from ffseg.learning.training import LEAST_IN_LEAF, STARTS, Example, _chosen, starts_in
 from ffseg.learning.tune import Bench, tune
 from ffseg.parameters import Parameters, load_params
@@ -87,17 +87,17 @@ def test_scribbles_say_what_the_figures_count(folder: Path) -> None:
         write_image(folder / "truth" / f"{number}.png", strokes)
     _, labelled = gathered(folder, {"init.center": [20, 30], "init.radius": 3, "edges.source": "gradient"})
     line = "the masks know 5.6% of the pixels; the figures of IoU count no others"
-    assert line in told(tune(labelled, 0.1, lambda _: None))
-    figures = Figures(3, 1.0, 0.0, 1.0, 0.0, helps=False, known=known_share(labelled))
+    assert line in summary_lines(tune(labelled, 0.1, lambda _: None))
+    figures = CrossValidation(3, 1.0, 0.0, 1.0, 0.0, helps=False, known=known_share(labelled))
     assert line in sentences(figures, "a.ffmodel")
     assert few_known(0.5) == []
 
 
 def test_without_a_start_the_figure_to_beat_says_where_it_grew_from() -> None:
-    lines = sentences(Figures(3, 0.9, 0.1, 0.0, 0.0, helps=True, searched=True), "a.ffmodel")
+    lines = sentences(CrossValidation(3, 0.9, 0.1, 0.0, 0.0, helps=True, searched=True), "a.ffmodel")
     said = "where no start is named the model finds its own; without it the contour grows from the middle"  # some are
     assert any(line.startswith(said) for line in lines)
-    assert "middle" not in " ".join(sentences(Figures(3, 0.9, 0.1, 0.0, 0.0, helps=True), "a.ffmodel"))
+    assert "middle" not in " ".join(sentences(CrossValidation(3, 0.9, 0.1, 0.0, 0.0, helps=True), "a.ffmodel"))
 
 
 def test_domains_starts_and_grounds_of_the_parameters_count(folder: Path) -> None:

@@ -6,7 +6,7 @@ import pytest
 
 import ffseg
 from ffseg.errors import SegmentationError
-from ffseg.image.magnified import magnified
+from ffseg.image.magnified import magnification
 from ffseg.metrics import iou
 from tests.scenes import HEIGHT, START, START_RADIUS, WIDTH, scene
 
@@ -30,7 +30,7 @@ def smaller(mask: np.ndarray, factor: int) -> np.ndarray:
 def test_an_enlargement_is_told_and_taken_back(factor: int, way: str) -> None:
     colours = np.dstack([scene(seed).image for seed in (1, 2, 3)])
     for image in (scene(1).image, colours):  # of noise, which no smoothing gives back
-        found, before = magnified(larger(image, factor, way))
+        found, before = magnification(larger(image, factor, way))
         assert found == factor
         assert np.abs(before.astype(int) - image).max() <= 2  # twice rounded
 
@@ -38,7 +38,7 @@ def test_an_enlargement_is_told_and_taken_back(factor: int, way: str) -> None:
 def test_curves_cut_at_black_and_white_do_not_hide_it() -> None:
     image = scene(1).image.astype(int)
     hard = np.clip(128 + 3 * (image - image.mean()), 0, 255).astype(np.uint8)
-    found, before = magnified(larger(hard, 4, "cubic"))
+    found, before = magnification(larger(hard, 4, "cubic"))
     assert found == 4
     assert np.abs(before.astype(int) - hard).mean() < 0.1
 
@@ -46,9 +46,9 @@ def test_curves_cut_at_black_and_white_do_not_hide_it() -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_a_picture_as_it_was_drawn_is_none(seed: int) -> None:
     image = scene(seed).image
-    assert magnified(image)[1] is image
+    assert magnification(image)[1] is image
     binary = np.where(scene(seed).truth, np.uint8(200), np.uint8(40))
-    assert magnified(binary)[1] is binary
+    assert magnification(binary)[1] is binary
 
 
 @pytest.mark.parametrize("way", ["linear", "cubic"])
@@ -60,12 +60,15 @@ def test_a_picture_in_which_only_the_liveliest_lines_are_enlarged_is_none(way: s
     image[200:300, 200:300] = 120 + rng.integers(-8, 9, (100, 100))
     image[180:320, :] //= 6  # so that no line through it is among the liveliest
     image[:, 180:320] //= 2
-    assert magnified(image)[0] == 1
+    assert magnification(image)[0] == 1
 
 
 def test_nothing_is_told_of_an_even_picture_nor_of_a_small_one() -> None:
-    assert (magnified(np.full((400, 400), 7, np.uint8))[0], magnified(larger(scene(1).image[:60, :80], 2))[0]) == (1, 1)
-    assert magnified(larger(scene(1).image, 4), most=3)[0] == 2
+    assert (
+        magnification(np.full((400, 400), 7, np.uint8))[0],
+        magnification(larger(scene(1).image[:60, :80], 2))[0],
+    ) == (1, 1)
+    assert magnification(larger(scene(1).image, 4), most=3)[0] == 2
 
 
 @pytest.mark.parametrize(("factor", "way"), [(2, "cubic"), (4, "linear"), (8, "linear")])

@@ -22,7 +22,7 @@ from ffseg.errors import CalibrationError, ParameterError
 from ffseg.freespace.birdseye import HALF_M, SCALE, birds_eye
 from ffseg.freespace.outline import REACH, Ground, _first_exits, ground_of
 from ffseg.freespace.sequence import Frame, free_space, segment_frame
-from ffseg.freespace.window import Earlier
+from ffseg.freespace.window import EarlierImage
 from ffseg.pipeline import outlines_of
 from ffseg.rendering.pairs import CAMERA_YAML, RenderedPair, sample_camera
 from ffseg.scene import Scene
@@ -36,7 +36,7 @@ def framed(pair: RenderedPair, camera: Camera | None = None) -> Frame:
     poses = planar_pose(camera, *pair.poses[0]), planar_pose(camera, *pair.poses[1])
     segmentation = segment_view(pair.current.image, camera, PARAMS)
     altitude = PARAMS.obstacles.altitude
-    return free_space(pair.current.image, segmentation, [Earlier(pair.previous.image, poses)], camera, altitude)
+    return free_space(pair.current.image, segmentation, [EarlierImage(pair.previous.image, poses)], camera, altitude)
 
 
 @lru_cache(maxsize=1)

@@ -11,7 +11,7 @@ from commands import Command
 from ffseg.batch.plan.beside import find_evidence, find_truths
 from ffseg.batch.plan.discover import discover
 from ffseg.batch.plan.jobs import make_plan
-from ffseg.batch.plan.reading import parted, read_input, told
+from ffseg.batch.plan.reading import display_path, read_input, split_member_path
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.learning.gather import gather
 from ffseg.parameters import load_params
@@ -58,12 +58,12 @@ def test_a_member_is_read_by_one_text(images: Path, tmp_path: Path) -> None:
     found = {source.name: source for source in discover([str(archive)])}
     assert sorted(found) == ["b.tar/a.png", "b.tar/sub/b.png"]
     source = found["b.tar/a.png"]
-    assert parted(source.content) == (str(archive), "b.tar/a.png", source.span)
+    assert split_member_path(source.content) == (str(archive), "b.tar/a.png", source.span)
     assert read_input(source.content, 1 << 20) == (tmp_path / "c" / "b.tar" / "a.png").read_bytes()
-    assert told(source.content) == f"{archive}/b.tar/a.png"
+    assert display_path(source.content) == f"{archive}/b.tar/a.png"
     plain = folder / "x.png#1+2"
     plain.write_bytes(b"whole")
-    assert (parted(str(plain)), read_input(str(plain), 1 << 20)) == ((str(plain), "", None), b"whole")
+    assert (split_member_path(str(plain)), read_input(str(plain), 1 << 20)) == ((str(plain), "", None), b"whole")
     archive.unlink()
     with pytest.raises(ImageReadError, match="no such file"):
         read_input(source.content, 1 << 20)
@@ -116,7 +116,7 @@ def test_images_and_truths_may_share_a_tar_file(images: Path, truths: Path, tmp_
         (truths / f"{name}.png").rename(truths / f"{name}_truth.png")
     archive = packed(images, truths)
     plan = make_plan([str(archive)], str(tmp_path / "out"), truth=str(archive))
-    assert [(job.source.name, told(job.truth)) for job in plan.jobs] == [
+    assert [(job.source.name, display_path(job.truth)) for job in plan.jobs] == [
         (f"{name}.png", f"{archive}/{name}_truth.png") for name in NAMES
     ]
 

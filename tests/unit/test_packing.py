@@ -27,7 +27,7 @@ from ffseg.batch.preview import preview
 from ffseg.batch.record.journal import last_records, state_folder
 from ffseg.batch.record.ordered import OrderedPacks
 from ffseg.batch.report.write import write_report
-from ffseg.batch.shards.assign import Shard, only
+from ffseg.batch.shards.assign import Shard, shard_plan
 from ffseg.batch.shards.merge import merge_shards
 from ffseg.batch.tar.members import output_bytes
 from ffseg.batch.tar.writer import PackWriter, head, head_size
@@ -228,7 +228,7 @@ def test_killed_shards_and_merges_go_on(images: Path, tmp_path: Path, out: Path)
     run_shard(images, out, "2/2")
     assert (tars(out), merge_shards(str(out)).problems) == (some, [])
     assert tars(out) == tars(tmp_path / "one")
-    plan = only(make_plan([str(images)], str(out), products=PACKED), Shard(1, 2))
+    plan = shard_plan(make_plan([str(images)], str(out), products=PACKED), Shard(1, 2))
     setup = Setup(params=load_params(), segmenter=stand_in.NAME, products=PACKED)
     seen = [one.status for one in preview(plan, setup, Options())]
     assert len(seen) > 2 >= seen.count("to do") + 1, "what a merge has moved is found; one image fails"

@@ -19,7 +19,7 @@ from ffseg.native import _core
 from ffseg.parameter_text import json_schema, to_yaml
 from ffseg.parameters import Contour, Edges, Init, Parameters, Region, load_params, presets
 from ffseg.schema.kinds import FilePath, Flag, Integer, Kind, Many, Name, Number, OrWord, Row, Text
-from ffseg.schema.nodes import Problems, Source
+from ffseg.schema.nodes import Origin, Problems
 from ffseg.schema.sections import Leaf, collect, flat, leaves
 from ffseg.schema.strict_yaml import parse
 
@@ -232,21 +232,21 @@ JSON = st.recursive(
 def test_written_parameters_are_read_back(settings: dict[str, object]) -> None:
     params = load_params(None, settings)
     problems = Problems()
-    values = collect(Parameters, parse(to_yaml(params), Source("f"), problems), problems)
+    values = collect(Parameters, parse(to_yaml(params), Origin("f"), problems), problems)
     assert (problems.lines, values) == ([], flat(params))
 
 
 @given(JSON)
 def test_json_is_read_as_json(value: object) -> None:
     problems = Problems()
-    node = parse(json.dumps(value, ensure_ascii=False), Source("f"), problems)
+    node = parse(json.dumps(value, ensure_ascii=False), Origin("f"), problems)
     assert (problems.lines, node.plain()) == ([], value)
 
 
 @given(st.text(max_size=60) | st.text("[]{}:,-?&*!|>'\"%@` \n\t#a1", max_size=60))
 def test_any_text_is_parsed_or_refused(text: str) -> None:
     problems = Problems()
-    node = parse(text, Source("f"), problems)
+    node = parse(text, Origin("f"), problems)
     assert node.value is None or problems.lines == [] or "given twice" in problems.lines[0]
 
 

@@ -36,7 +36,7 @@ def disc() -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
 def segment_peer(
     image: np.ndarray, name: str, options: PeerParameters | None = None, domain: np.ndarray | None = None
 ) -> Segmentation:
-    params, section = peers.configured(PARAMS, name, options)
+    params, section = peers.method_parameters(PARAMS, name, options)
     return segment(image, params, name, options=section, domain=domain)
 
 
@@ -157,7 +157,7 @@ def test_parameters_at_their_limits_give_a_region_or_a_sentence(name: str, tmp_p
     for values in (values for peer, values in at_their_limits() if peer == name):
         (tmp_path / "peers.yaml").write_text(json.dumps({name: values}))
         try:
-            own, options = peers.configured(params, name, load_peer_parameters(tmp_path / "peers.yaml"))
+            own, options = peers.method_parameters(params, name, load_peer_parameters(tmp_path / "peers.yaml"))
             result = segment(image, own, name, options=options)
         except (ParameterError, SegmentationError):
             continue

@@ -30,12 +30,12 @@ from ffseg.io.labels import read_labels
 from ffseg.io.masks import encode_mask
 from ffseg.io.starts import load_starts
 from ffseg.parameters import load_params
+from ffseg.picking import open_image as scenes
 from ffseg.picking import project
-from ffseg.picking import scene as scenes
 from ffseg.picking.learner import Background
-from ffseg.picking.picks import Journal, Picked, Stroke, painted
+from ffseg.picking.open_image import OpenImage, PickedRegion
+from ffseg.picking.picks import ImagePicks, Journal, Stroke, paint_strokes
 from ffseg.picking.project import Project
-from ffseg.picking.scene import Found, Scene
 from ffseg.picking.server import Server
 from ffseg.picking.session import Session, StaleError, settings_of
 from tests.discs import overlap
@@ -62,7 +62,7 @@ def accept(own: Session, *images: int) -> None:
 def test_strokes_paint_the_pixels_whose_centres_are_near(points: list, radius: float, inside: bool) -> None:
     before = np.zeros((20, 24), np.bool_)
     before[5:15, 5:20] = True
-    found = painted(before, (Stroke(inside, radius, tuple(points)),))
+    found = paint_strokes(before, (Stroke(inside, radius, tuple(points)),))
     y, x = np.mgrid[:20, :24]
     places = np.stack([x, y], axis=-1).astype(float)
     distance = np.full((20, 24), np.inf)
@@ -87,13 +87,13 @@ BAD = [
 @pytest.mark.parametrize("document", BAD)
 def test_what_is_not_picked_is_refused(document: object) -> None:
     with pytest.raises(UsageError):
-        Picked.read(document)
+        ImagePicks.read(document)
 
 
 def test_a_journal_gives_back_every_step_and_drops_a_torn_line(tmp_path: Path) -> None:
     path = str(tmp_path / "picks.jsonl")
     journal = Journal(path)
-    one, two = Picked.read(picked(LEFT)), Picked.read(picked(LEFT, RIGHT, probability=0.3))
+    one, two = ImagePicks.read(picked(LEFT)), ImagePicks.read(picked(LEFT, RIGHT, probability=0.3))
     for do, what in (("pick", one), ("pick", two), ("undo", None), ("redo", None), ("undo", None)):
         assert journal.add("\udcff.png", do, what)
     assert not journal.add("b.png", "undo")
@@ -116,14 +116,14 @@ def test_a_journal_gives_back_every_step_and_drops_a_torn_line(tmp_path: Path) -
 
 def test_a_step_that_cannot_be_written_is_not_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     journal = Journal(str(tmp_path / "picks.jsonl"))
-    journal.add("a", "pick", Picked.read(picked(LEFT)))
+    journal.add("a", "pick", ImagePicks.read(picked(LEFT)))
 
     def full(_descriptor: int) -> None:
         raise OSError(28, "full")
 
     monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(OutputError, match="free some space"):
-        journal.add("a", "pick", Picked.read(picked(RIGHT)))
+        journal.add("a", "pick", ImagePicks.read(picked(RIGHT)))
     monkeypatch.undo()
     assert (journal.track("a").version, len((tmp_path / "picks.jsonl").read_bytes().splitlines())) == (1, 1)
 
@@ -281,7 +281,7 @@ def test_a_review_shows_its_own_run_packed_or_not(tmp_path: Path, ffseg_command:
         own.change(0, 0, 0, "pick", OPEN | {"status": "accepted"})
         own.change(0, 0, 1, "pick", OPEN)
     with session(folder, out, review=str(tmp_path / "two")) as own:
-        assert overlap(own._found(own.projects[0], 0, Picked()).mask, masks[1]) > 0.95
+        assert overlap(own._found(own.projects[0], 0, ImagePicks()).mask, masks[1]) > 0.95
         own.change(0, 0, 2, "undo")
         assert overlap(mask_of(out / "masks" / "a.png"), masks[0]) > 0.95
         own.change(0, 0, 3, "pick", OPEN)
@@ -299,17 +299,17 @@ def test_a_mask_that_cannot_be_removed_keeps_its_step(tmp_path: Path, monkeypatc
 
 
 def test_what_a_model_that_has_gone_is_finding_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    scene, asked = Scene(np.zeros(SIZE, np.uint8)), list[object]()
+    scene, asked = OpenImage(np.zeros(SIZE, np.uint8)), list[object]()
 
-    def grow(self: Scene, image: np.ndarray, factor: float, *_of: object) -> Found:
+    def grow(self: OpenImage, image: np.ndarray, factor: float, *_of: object) -> PickedRegion:
         asked.append(image)
         if len(asked) == 1:
             self.forget()
-        return Found(disc(LEFT), (), factor)
+        return PickedRegion(disc(LEFT), (), factor)
 
-    monkeypatch.setattr(Scene, "_grown", grow)
+    monkeypatch.setattr(OpenImage, "_grown", grow)
     for _ in range(3):
-        scene.find(Picked(((*LEFT, 6),)), load_params(), None)
+        scene.find(ImagePicks(((*LEFT, 6),)), load_params(), None)
     assert len(asked) == 2
 
 
@@ -374,16 +374,16 @@ def test_a_stroke_on_an_accepted_mask_changes_no_more(tmp_path: Path, monkeypatc
 
 def test_steps_on_accepted_masks_are_undone_whatever_would_be_found_now(tmp_path: Path, monkeypatch) -> None:
     """A newer model, or another run, was followed by a stroke on an accepted mask and by undoing to one."""
-    mask, found = tmp_path / "out" / "masks" / "a.png", Scene._grown
+    mask, found = tmp_path / "out" / "masks" / "a.png", OpenImage._grown
     stroke = {"inside": True, "radius": 2, "points": [[5, 5]]}
     with session(draw(tmp_path / "in", ["a.png"]), tmp_path / "out") as own:
         for version, place in ((0, LEFT), (2, RIGHT)):  # what two models propose where nothing is picked
 
-            def proposed(*args: object, place: tuple[int, int] = place) -> Found:
-                there = args[3] if args[5] is not None else Picked(starts=((*place, 6.0),))
+            def proposed(*args: object, place: tuple[int, int] = place) -> PickedRegion:
+                there = args[3] if args[5] is not None else ImagePicks(starts=((*place, 6.0),))
                 return found(*args[:3], there, *args[4:])
 
-            monkeypatch.setattr(Scene, "_grown", proposed)
+            monkeypatch.setattr(OpenImage, "_grown", proposed)
             own.forget()
             own.change(0, 0, version, "pick", OPEN | {"status": "accepted"})
             own.forget()
@@ -466,8 +466,8 @@ def test_classes_have_folders_of_their_own(tmp_path: Path) -> None:
 
 
 def test_a_click_in_no_box_is_told_in_pixels_of_the_image() -> None:
-    found = Scene(np.zeros((900, 1200), np.uint8)).find(
-        Picked(((900.0, 800.0, 9.0),), boxes=((300.0, 300.0, 700.0, 700.0),)), load_params(), None, quick=True
+    found = OpenImage(np.zeros((900, 1200), np.uint8)).find(
+        ImagePicks(((900.0, 800.0, 9.0),), boxes=((300.0, 300.0, 700.0, 700.0),)), load_params(), None, quick=True
     )
     assert "the start circle at (900, 800) lies in no box" in found.said
 
@@ -475,15 +475,15 @@ def test_a_click_in_no_box_is_told_in_pixels_of_the_image() -> None:
 def test_the_picture_shows_the_colour_of_every_pixel() -> None:
     image = np.full((40, 60, 3), 128, np.uint8)
     image[:, ::2] = (40, 40, 200)
-    shown = cv2.imdecode(np.frombuffer(Scene(image).picture(), np.uint8), cv2.IMREAD_COLOR)
+    shown = cv2.imdecode(np.frombuffer(OpenImage(image).picture(), np.uint8), cv2.IMREAD_COLOR)
     assert np.abs(shown.astype(int) - image).mean() < 8  # with a colour for four pixels 28
 
 
 def test_a_reduced_copy_tells_nearly_the_same() -> None:
     y, x = np.mgrid[:1500, :2000]
     image = np.where(np.hypot(x - 900, y - 700) < 400, 190, 60).astype(np.uint8)
-    scene, params = Scene(image), load_params()
-    one = Picked.read(
+    scene, params = OpenImage(image), load_params()
+    one = ImagePicks.read(
         picked() | {"starts": [[905, 690, 20]], "strokes": [{"inside": True, "radius": 40, "points": [[1400, 300]]}]}
     )
     quick, whole = scene.find(one, params, None, quick=True), scene.find(one, params, None)
@@ -605,7 +605,7 @@ def test_the_page_keeps_to_the_domain_as_the_run_does(key: str, tmp_path: Path, 
     named = tmp_path / "own" / ("a.png" if key == "domain.mask" else "")
     with Session([str(folder)], str(tmp_path / "out"), load_params(None, {key: str(named)})) as own:
         for quick in (False, True):
-            found = own._found(own.projects[0], 0, Picked.read(picked(LEFT)), quick=quick)
+            found = own._found(own.projects[0], 0, ImagePicks.read(picked(LEFT)), quick=quick)
             assert found.said == "" or found.mask.any(), found.said
             assert found.mask.any()
             assert not found.mask[:, found.mask.shape[1] // 3 + 1 :].any()
@@ -673,11 +673,13 @@ def test_what_was_learned_is_used_where_it_helps_and_orders_the_images(tmp_path:
 
 def test_an_accepted_image_shows_the_mask_that_was_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever a later model would find; and nothing is accepted again whose region is neither kept nor found."""
-    found = Scene.find
+    found = OpenImage.find
     with session(draw(tmp_path / "in", ["a.png"]), tmp_path / "out") as own:
         accept(own, 0)
         kept = own.find(0, 0, own.image(0, 0)["picked"], quick=False)
-        monkeypatch.setattr(Scene, "find", lambda self, picked, *rest, **how: found(self, Picked(), *rest, **how))
+        monkeypatch.setattr(
+            OpenImage, "find", lambda self, picked, *rest, **how: found(self, ImagePicks(), *rest, **how)
+        )
         assert own.find(0, 0, own.image(0, 0)["picked"], quick=False)["path"] == kept["path"] != ""
         own.change(0, 0, 1, "undo")
         next((tmp_path / "out" / "regions").iterdir()).unlink()
@@ -707,15 +709,15 @@ def test_who_asks_for_a_region_that_is_being_found_waits_for_it(monkeypatch: pyt
     grown: list[object] = []
     begun, go_on = threading.Event(), threading.Event()
 
-    def grow(self: Scene, image: np.ndarray, factor: float, *_of: object) -> Found:
+    def grow(self: OpenImage, image: np.ndarray, factor: float, *_of: object) -> PickedRegion:
         grown.append(self)
         begun.set()
         assert go_on.wait(60)
-        return Found(disc(LEFT), (), factor)
+        return PickedRegion(disc(LEFT), (), factor)
 
-    monkeypatch.setattr(Scene, "_grown", grow)
-    scene, click = Scene(np.zeros(SIZE, np.uint8)), Picked(((*LEFT, 6),))
-    found: list[Found] = []
+    monkeypatch.setattr(OpenImage, "_grown", grow)
+    scene, click = OpenImage(np.zeros(SIZE, np.uint8)), ImagePicks(((*LEFT, 6),))
+    found: list[PickedRegion] = []
     asking = [
         threading.Thread(target=lambda one=one: found.append(scene.find(one, load_params(), None)))
         for one in (click, dataclasses.replace(click, status="accepted"))
@@ -765,7 +767,7 @@ def test_the_folder_is_run_behind_and_its_masks_are_shown(tmp_path: Path) -> Non
         assert own.news(0, 0)["lines"] == ["the folder is done: 2 images", "nothing was learned: too few"]
         own.change(0, 0, 1, "pick", OPEN)
         assert own.find(0, 0, OPEN, quick=False)["source"] == "run"
-        assert overlap(own._found(own.projects[0], 0, Picked()).mask, disc(LEFT)) > 0.95
+        assert overlap(own._found(own.projects[0], 0, ImagePicks()).mask, disc(LEFT)) > 0.95
 
 
 def test_a_notebook_gets_the_page_in_a_frame_and_what_was_picked(tmp_path: Path) -> None:

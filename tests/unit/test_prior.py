@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 from ffseg.api import segment
 from ffseg.contour import run
 from ffseg.evidence import auto
-from ffseg.evidence.prior import CERTAIN, LEAST_START, TAKEN, all_planes, look, prior
+from ffseg.evidence.prior import CERTAIN, FEATURE_NAMES, LEAST_START, all_planes, prior, start_features
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image import boundary
 from ffseg.image.boundary import Boundary
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap, edge_map
-from ffseg.image.exposure import MIDDLE, exposed
-from ffseg.judge import HOPE, expected_overlap, sobered
+from ffseg.image.exposure import MIDDLE, normalised_exposure
+from ffseg.judge import HOPE, calibrated, expected_overlap
 from ffseg.learning.drawn.sights import Sight, sights
 from ffseg.metrics import iou
 from ffseg.parameters import load_params
@@ -114,7 +114,7 @@ def test_what_looks_like_the_start_behind_another_colour_is_as_far_off_as_that()
     """No colour tells the strips on both sides from each other; a flood over colours does."""
     image = np.repeat(np.repeat([90, 160, 90], 30)[None], 60, axis=0).astype(np.uint8)
     start = np.hypot(*(np.indices(image.shape) - np.array([30, 15])[:, None, None])) < 8
-    planes = dict(zip(TAKEN, all_planes(look(image, start, 400)), strict=True))
+    planes = dict(zip(FEATURE_NAMES, all_planes(start_features(image, start, 400)), strict=True))
     near, across, behind = ((slice(None), slice(first, first + 8)) for first in (3, 18, 34))  # of every second pixel
     middles = [np.median(planes["from_start@0.7"][place]) for place in (near, behind)]
     assert middles[0] == pytest.approx(middles[1], abs=1e-3)
@@ -128,10 +128,10 @@ def test_a_small_start_is_looked_at_with_its_surroundings(radius: float) -> None
     """Of a start of a few pixels nobody can tell what its region looks like."""
     image, _ = faint(25, 12)
     at = np.hypot(*(np.indices(image.shape[:2]) - np.array([100, 120])[:, None, None]))
-    seen, usual = (look(image, at < size, 400).inside > 0 for size in (radius, LEAST_START))
+    seen, usual = (start_features(image, at < size, 400).inside > 0 for size in (radius, LEAST_START))
     assert np.count_nonzero(seen ^ usual) <= 12  # of 49: the ring of a disc in pixels
     assert (at[seen] <= LEAST_START + 1).all()
-    assert (look(image, at < 9, 400).inside > 0).sum() == np.count_nonzero(at < 9)
+    assert (start_features(image, at < 9, 400).inside > 0).sum() == np.count_nonzero(at < 9)
 
 
 def test_expected_overlap_against_its_definition() -> None:
@@ -147,9 +147,9 @@ def test_expected_overlap_against_its_definition() -> None:
 def test_a_promise_is_sobered_by_its_odds() -> None:
     promised = np.linspace(0, 0.99, 34)
     odds = [p / (1 - p) for p in promised]
-    for least, own in zip((sobered(float(p)) for p in promised), odds, strict=True):
+    for least, own in zip((calibrated(float(p)) for p in promised), odds, strict=True):
         assert least / (1 - least) == pytest.approx(own / HOPE, rel=1e-9)
-    assert sobered(1.0) == 1.0
+    assert calibrated(1.0) == 1.0
 
 
 def test_nothing_to_ask_of_an_even_image() -> None:
@@ -260,14 +260,14 @@ def test_another_exposure_gives_nearly_the_same_odds() -> None:
 
 def test_the_mean_level_is_brought_to_the_middle() -> None:
     image = np.random.default_rng(4).integers(20, 61, (80, 120, 3)).astype(np.uint8)
-    assert exposed(image).mean() == pytest.approx(MIDDLE, abs=1.0)  # sampled mean, and rounding to levels
-    assert exposed(np.zeros((8, 8), np.uint8)).max() == 0
+    assert normalised_exposure(image).mean() == pytest.approx(MIDDLE, abs=1.0)  # sampled mean, and rounding to levels
+    assert normalised_exposure(np.zeros((8, 8), np.uint8)).max() == 0
 
 
 def test_haze_over_the_whole_picture_is_taken_off() -> None:
     image = np.random.default_rng(4).integers(0, 256, (240, 320, 3)).astype(np.uint8)
     hazy = np.rint(180 + 0.25 * image).astype(np.uint8)
-    clear, lifted = exposed(image).astype(float), exposed(hazy).astype(float)
+    clear, lifted = normalised_exposure(image).astype(float), normalised_exposure(hazy).astype(float)
     assert clear.mean() == pytest.approx(MIDDLE, abs=1)  # the mean is that of every fourth pixel
     assert clear.std() == pytest.approx(image.std() * clear.mean() / image.mean(), rel=0.01)
     assert np.abs(clear - lifted).mean() < 3  # a level of the hazy picture is four of the clear one
@@ -277,7 +277,7 @@ def test_a_bright_picture_with_dark_places_has_no_haze() -> None:
     image = np.full((60, 80, 3), 200, np.uint8)
     image[:12, :12] = 20
     gain = MIDDLE / image[::4, ::4].mean()
-    assert set(np.unique(exposed(image))) == {round(20 * gain), round(200 * gain)}
+    assert set(np.unique(normalised_exposure(image))) == {round(20 * gain), round(200 * gain)}
 
 
 @pytest.mark.parametrize("shape", [(20, 20000), (4097, 40), (1, 5000, 3), (60, 4100, 3)])

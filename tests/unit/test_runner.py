@@ -15,7 +15,7 @@ from commands import Command
 from PIL import Image
 
 from ffseg.batch.outputs.table import Products
-from ffseg.batch.plan.sources import Job, Source
+from ffseg.batch.plan.sources import InputImage, Job
 from ffseg.batch.record.tables import TIMING_COLUMNS
 from ffseg.batch.workers import work
 from ffseg.batch.workers.messages import Failed, Setup, Task
@@ -179,7 +179,7 @@ def test_opencv_without_memory_is_out_of_memory(images: Path, monkeypatch: pytes
         raise error
 
     monkeypatch.setattr(work, "read_picture", starved)
-    task = Task(Job(0, Source(str(images / NAMES[0]), NAMES[0]), "a"), "", ("masks/a.png", "contours/a.svg"))
+    task = Task(Job(0, InputImage(str(images / NAMES[0]), NAMES[0]), "a"), "", ("masks/a.png", "contours/a.svg"))
     reply = work.Workbench(Setup(params=load_params())).reply(task)
     assert isinstance(reply, Failed)
     assert reply.reason == "out-of-memory"

@@ -27,8 +27,8 @@ from ffseg.parameters import Parameters
 from ffseg.rendering.pairs import CAMERA_YAML, sample_camera
 from ffseg.samples import png, texture
 from ffseg.samples.drive import DRIVE_CAMERA, drive, drive_camera, drive_poses, drive_scene
-from ffseg.samples.paint import CURVE_STEPS, GRID, Paper, centers, coverage, spline
-from ffseg.samples.scenes import SCENES, Scene
+from ffseg.samples.paint import CURVE_STEPS, GRID, SampleGrid, centers, coverage, spline
+from ffseg.samples.scenes import SCENES, SampleImage
 from ffseg.samples.write import sample_files, write_samples
 from tests.discs import overlap
 
@@ -39,7 +39,7 @@ PAIRS = ("pair", "pair-2")
 
 
 @pytest.fixture(scope="module", params=list(SCENES))
-def named(request: pytest.FixtureRequest) -> tuple[str, Scene]:
+def named(request: pytest.FixtureRequest) -> tuple[str, SampleImage]:
     return request.param, SCENES[request.param]()
 
 
@@ -75,7 +75,7 @@ CORNERS = st.lists(st.tuples(st.integers(-5, 25), st.integers(-5, 25)), min_size
 
 @given(CORNERS)
 def test_polygon_is_the_even_odd_inside_at_the_samples(corners: list[tuple[int, int]]) -> None:
-    stencil = Paper(20, 20).polygon(corners)
+    stencil = SampleGrid(20, 20).polygon(corners)
     points, ring = np.argwhere(np.ones_like(stencil))[:, ::-1] - GRID // 2, np.array(corners) * GRID  # whole: exact
     inside, clear = np.zeros(len(points), np.bool_), np.ones(len(points), np.bool_)
     for a, b in zip(ring, np.roll(ring, -1, axis=0), strict=True):
@@ -89,14 +89,14 @@ def test_polygon_is_the_even_odd_inside_at_the_samples(corners: list[tuple[int, 
 
 @pytest.mark.parametrize("radius", [3.0, 20.5, 70.0])
 def test_disc_covers_its_area(radius: float) -> None:
-    share = coverage(Paper(160, 160).disc((79.3, 80.6), radius))
+    share = coverage(SampleGrid(160, 160).disc((79.3, 80.6), radius))
     # The count of lattice points of spacing h in a disc is off by a few times sqrt(perimeter / h) of them.
     spread = 4 * np.sqrt(2 * np.pi * radius * GRID) / GRID**2
     assert share.sum() == pytest.approx(np.pi * radius**2, abs=spread)
 
 
 def test_pixel_centre_decides_the_truth() -> None:
-    paper = Paper(9, 9)
+    paper = SampleGrid(9, 9)
     assert centers(paper.polygon([(2, 2), (6, 2), (6, 6), (2, 6)])).sum() == 255 * 16  # right and lower sides are out
     assert centers(paper.disc((4, 4), 2.0001)).sum() == 255 * 13
 
@@ -121,7 +121,7 @@ def test_grain_has_the_deviation_asked_for() -> None:
     assert values.std() == pytest.approx(5.0, abs=0.05)
 
 
-def test_scene_is_one_free_region_with_its_holes(named: tuple[str, Scene]) -> None:
+def test_scene_is_one_free_region_with_its_holes(named: tuple[str, SampleImage]) -> None:
     name, scene = named
     assert scene.image.shape[:2] == scene.truth.shape == (600, 800)
     assert set(np.unique(scene.truth)) == {0, 255}
@@ -130,7 +130,7 @@ def test_scene_is_one_free_region_with_its_holes(named: tuple[str, Scene]) -> No
     assert (free, taken - 1) == (1, HOLES[name])
 
 
-def test_default_parameters_find_its_region_and_every_hole(named: tuple[str, Scene]) -> None:
+def test_default_parameters_find_its_region_and_every_hole(named: tuple[str, SampleImage]) -> None:
     """What a new user sees first; the overlap is what the stress campaign asks of scenes without narrow passages."""
     name, scene = named
     result = ffseg.segment(scene.image if scene.image.ndim == 2 else np.ascontiguousarray(scene.image[:, :, ::-1]))
@@ -139,7 +139,7 @@ def test_default_parameters_find_its_region_and_every_hole(named: tuple[str, Sce
     assert sum(contour.signed_area < 0 for contour in result.contours) == HOLES[name]
 
 
-def test_default_start_circle_lies_well_inside(named: tuple[str, Scene]) -> None:
+def test_default_start_circle_lies_well_inside(named: tuple[str, SampleImage]) -> None:
     distance = cv2.distanceTransform(named[1].truth, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     assert distance[299:301, 399:401].min() > Parameters().init.radius_in((600, 800)) + 20
 

@@ -14,7 +14,7 @@ from hypothesis.extra.numpy import arrays
 
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.raster import rasterize
-from ffseg.image.selection import counted, selected
+from ffseg.image.selection import count_regions, selected
 from ffseg.parameters import load_params
 from tests.masks import read_mask, write_image
 
@@ -61,7 +61,7 @@ def test_what_encloses_no_pixel_is_dropped_and_nothing_else() -> None:
     mask = rasterize(things(), SHAPE)
     contours, kept = selected(things(), mask, region())
     assert kept is mask
-    assert ([round(abs(c.signed_area)) for c in contours], counted(mask)) == ([642, 15, 55, 117], (2, 2))
+    assert ([round(abs(c.signed_area)) for c in contours], count_regions(mask)) == ([642, 15, 55, 117], (2, 2))
 
 
 @pytest.mark.parametrize(
@@ -78,7 +78,7 @@ def test_what_encloses_no_pixel_is_dropped_and_nothing_else() -> None:
 )
 def test_contours_are_those_of_what_is_kept(values: dict[str, int], count: tuple[int, int], left: int) -> None:
     contours, mask = selected(things(), rasterize(things(), SHAPE), region(**values))
-    assert (counted(mask), len(contours)) == (count, left)
+    assert (count_regions(mask), len(contours)) == (count, left)
     assert all(contour.degree == 3 for contour in contours)  # the curves themselves
     np.testing.assert_array_equal(rasterize(contours, SHAPE), mask)
 
@@ -97,7 +97,7 @@ masks = arrays(np.bool_, st.tuples(st.integers(1, 14), st.integers(1, 14)))
 
 @given(masks)
 def test_counts_are_those_of_flooding(mask: np.ndarray) -> None:
-    assert counted(mask) == (len(areas(mask, 4)), len(holes(mask)))
+    assert count_regions(mask) == (len(areas(mask, 4)), len(holes(mask)))
 
 
 @given(masks, st.integers(0, 3), st.integers(0, 8), st.integers(0, 8))
@@ -125,6 +125,6 @@ def test_a_run_says_the_same_everywhere(tmp_path: Path, ffseg_command: Command) 
         mask = read_mask(out / "masks" / "a.png")
         (feature,) = json.loads((out / "geojson" / "a.geojson").read_text("utf-8"))["features"]
         said = (int(row["components"]), int(row["holes"]), int(row["area_px"]))
-        assert said == (1, count, int(mask.sum())) == (*counted(mask), feature["properties"]["area_px"])
+        assert said == (1, count, int(mask.sum())) == (*count_regions(mask), feature["properties"]["area_px"])
         assert len(feature["geometry"]["coordinates"]) == 1 + count
         assert (out / "contours" / "a.svg").read_text("utf-8").count("M") == 1 + count

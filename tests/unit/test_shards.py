@@ -22,7 +22,7 @@ from ffseg.batch.outputs.table import Products
 from ffseg.batch.plan.jobs import make_plan
 from ffseg.batch.plan.sources import order_key
 from ffseg.batch.record.journal import last_records
-from ffseg.batch.shards.assign import Shard, number_of, only, read_shard
+from ffseg.batch.shards.assign import Shard, number_of, read_shard, shard_plan
 from ffseg.batch.shards.merge import last_lines, merge_shards
 from ffseg.batch.values import Record, record_line
 from ffseg.errors import UsageError
@@ -187,7 +187,7 @@ def test_every_image_belongs_to_one_shard_and_stays_there() -> None:
     plan = make_plan([__file__], "out")
     (job,) = plan.jobs
     jobs = tuple(replace(job, index=k, source=replace(job.source, name=name)) for k, name in enumerate(names[:100]))
-    parts = [only(replace(plan, jobs=jobs), Shard(number, 3)).jobs for number in (1, 2, 3)]
+    parts = [shard_plan(replace(plan, jobs=jobs), Shard(number, 3)).jobs for number in (1, 2, 3)]
     assert sorted(job.source.name for part in parts for job in part) == sorted(names[:100])
     assert all([job.index for job in part] == list(range(len(part))) for part in parts)
 

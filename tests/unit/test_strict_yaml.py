@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from ffseg.schema.nodes import Node, Problems, Source
+from ffseg.schema.nodes import Node, Origin, Problems
 from ffseg.schema.strict_yaml import MAX_DEPTH, parse, read
 
 
 def parsed(text: str) -> tuple[Node, list[str]]:
     problems = Problems()
-    return parse(text, Source("f.yaml", ""), problems), problems.lines
+    return parse(text, Origin("f.yaml", ""), problems), problems.lines
 
 
 # YAML 1.2.2, section 10.3.2 (core schema)
@@ -58,7 +58,7 @@ def test_duplicate_keys_are_all_reported() -> None:
 
 def test_one_line_source_has_no_line_number() -> None:
     problems = Problems()
-    parse("[1", Source("--set x=[1"), problems)
+    parse("[1", Origin("--set x=[1"), problems)
     assert problems.lines[0].startswith("--set x=[1: not valid YAML")
 
 

@@ -10,14 +10,14 @@ from rendered import plain_pair, segment_view
 from ffseg.camera.motion import Motion, planar_parameters, planar_pose, relative_motion
 from ffseg.freespace import corners, outlines, structural
 from ffseg.freespace.corners import Matches
-from ffseg.freespace.motion.evidence import Scenery, gathered, outer_joints
+from ffseg.freespace.motion.candidates import SegmentedImage, ground_candidates, outer_joints
 from ffseg.freespace.motion.ground import fit_ground, prior_sigmas
-from ffseg.freespace.motion.tracking import NOISE_SLOPES, placed
+from ffseg.freespace.motion.tracking import NOISE_SLOPES, placement_information
 from ffseg.freespace.pairs import ImagePair
 from ffseg.freespace.sequence import Sequence
 from ffseg.freespace.structural import structural_test
 from ffseg.image.components import Component, contour_components
-from ffseg.image.keypoints import Alignments, Candidates, limited
+from ffseg.image.keypoints import Alignments, Candidates, limited_information
 from ffseg.parameters import load_params
 from ffseg.rendering.pairs import sample_camera
 
@@ -78,7 +78,7 @@ def test_small_components_are_not_asked(monkeypatch: pytest.MonkeyPatch) -> None
 
 def test_without_a_motion_nothing_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(structural, "shared_doubt", lambda *_: SimpleNamespace(known=np.array([False])))
-    monkeypatch.setattr(structural, "sway_of", lambda *_: SimpleNamespace(of=lambda asked: asked))
+    monkeypatch.setattr(structural, "motion_uncertainty", lambda *_: SimpleNamespace(of=lambda asked: asked))
     assert verdict(monkeypatch, 6, 0, 10, 0) == ("untested", False)
 
 
@@ -147,7 +147,7 @@ def corner(
     patch.setattr(corners, "harris_points", lambda *_: found)
     patch.setattr(corners, "_sweep", lambda *_: swept)
     patch.setattr(corners, "align_patches", lambda *_: aligned)
-    patch.setattr(corners, "swayed", lambda *_: (np.zeros((1, 2)), np.zeros((1, 2, 2))))
+    patch.setattr(corners, "propagated", lambda *_: (np.zeros((1, 2)), np.zeros((1, 2, 2))))
     pair: Any = SimpleNamespace(current=None, previous=None, camera=SimpleNamespace(mounting=lambda: 1.0))
     result = corners.match_corners(pair, [], EPSILON)
     return bool(result.good[0]), float(result.altitude[0])
@@ -173,7 +173,7 @@ def test_samples_in_noise_say_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(outlines, "outline_points", lambda *_: found)
     monkeypatch.setattr(outlines, "plane_candidates", lambda *_: ground)
     monkeypatch.setattr(outlines, "align_patches", lambda *_: None)
-    monkeypatch.setattr(outlines, "swayed", lambda *_: (None, None))
+    monkeypatch.setattr(outlines, "propagated", lambda *_: (None, None))
     monkeypatch.setattr(outlines, "_judge", lambda *_: votes)
     monkeypatch.setattr(outlines, "_contrast", lambda *_: np.array([1000.0, 40.0, 1000.0]))
     pair: Any = SimpleNamespace(current=None, previous=None, camera=None, motion=None, noise=2.0)  # 4 is a tenth of 40
@@ -201,7 +201,7 @@ def test_components_are_judged_without_their_own_points() -> None:
     camera, image = rendered.camera, rendered.current.image
     found = segment_view(image, camera, load_params())
     _, components = contour_components(found.contours, found.mask.shape)
-    evidence = gathered(camera, image, Scenery(found.mask, components, outer_joints(found.contours)))
+    evidence = ground_candidates(camera, image, SegmentedImage(found.mask, components, outer_joints(found.contours)))
     motion = relative_motion(*(planar_pose(camera, *pose) for pose in rendered.poses))
     images = image, rendered.previous.image
     fit = fit_ground(camera, motion, prior_sigmas(0.01, 0.01), images, evidence, ("full", "full"))
@@ -223,10 +223,10 @@ def test_placements_keep_what_stands_above_noise() -> None:
     root = random.normal(0, 8, (40, 2, 2))
     information = np.concatenate([root @ np.swapaxes(root, 1, 2), np.zeros((1, 2, 2)), 90.0 * np.eye(2)[None]])
     noise = np.concatenate([random.uniform(0.1, 1.0, 41), [1.0]])
-    found = placed(Alignments(np.zeros((42, 2)), np.ones(42), information, noise), 6, 0.15)
+    found = placement_information(Alignments(np.zeros((42, 2)), np.ones(42), information, noise), 6, 0.15)
     values, vectors = np.linalg.eigh(information)
     values = np.maximum(values - (NOISE_SLOPES * 169 * noise)[:, None], 0.0)
-    expected = limited((vectors * values[:, None]) @ np.swapaxes(vectors, 1, 2), 0.15)
+    expected = limited_information((vectors * values[:, None]) @ np.swapaxes(vectors, 1, 2), 0.15)
     assert found == pytest.approx(expected, rel=1e-9, abs=1e-9)
     assert (found[values[:, 1] == 0.0] == 0.0).all()
     assert (values[:, 1] == 0.0).any()

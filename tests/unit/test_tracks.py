@@ -7,11 +7,11 @@ import pytest
 from rendered import plain_pair, segment_view
 
 from ffseg.batch.views import WINDOW as VIEWS_WINDOW
-from ffseg.batch.views import Views
+from ffseg.batch.views import CameraSetup
 from ffseg.camera.motion import Pose, planar_parameters, planar_pose, relative_motion
 from ffseg.freespace.sequence import Sequence, free_space
-from ffseg.freespace.tracks import NEAR, Tracks, linked, moved, numbered
-from ffseg.freespace.window import WINDOW, Earlier
+from ffseg.freespace.tracks import NEAR, ObstacleTracks, associate, in_earlier_frame, with_track_numbers
+from ffseg.freespace.window import WINDOW, EarlierImage
 from ffseg.parameters import load_params
 from ffseg.rendering.pairs import sample_camera
 
@@ -25,18 +25,18 @@ def test_places_move_as_the_motion_of_the_camera_does() -> None:
     points = np.array([[1.0, 0.3], [-0.7, 1.2]])
     level = np.column_stack([points, [0.9, 0.9]]) @ camera.level()
     expected = (motion.apply(level) @ camera.level().T)[:, :2]
-    assert moved(points, planar_parameters(camera, motion).tolist()) == pytest.approx(expected, abs=1e-12)
+    assert in_earlier_frame(points, planar_parameters(camera, motion).tolist()) == pytest.approx(expected, abs=1e-12)
 
 
 def test_places_are_linked_when_each_is_the_others_nearest() -> None:
     before = np.array([[0.0, 0.0], [1.0, 0.0], [3.0, 0.0]])
     now = np.array([[0.1, 0.0], [0.15, 0.0], [3.0, NEAR + 0.01], [np.nan, 0.0]])
-    assert (linked(now, before), linked(now, np.empty((0, 2)))) == ([0, -1, -1, -1], [-1] * 4)
-    assert linked(np.empty((0, 2)), before) == []
+    assert (associate(now, before), associate(now, np.empty((0, 2)))) == ([0, -1, -1, -1], [-1] * 4)
+    assert associate(np.empty((0, 2)), before) == []
 
 
 def test_numbers_stay_with_their_things() -> None:
-    tracks = Tracks(kept=2)
+    tracks = ObstacleTracks(kept=2)
     assert tracks.follow("a", np.array([[1.0, 0.0], [2.0, 0.0]]), []) == [0, 1]
     step = ("a", (0.5, 0.0, 0.0))
     assert tracks.follow("b", np.array([[1.5, 0.0], [0.5, 0.0], [9.0, 0.0]]), [step]) == [1, 0, 2]
@@ -49,16 +49,16 @@ def test_lines_are_numbered_in_time_whatever_their_order() -> None:
     later = {**line, "links": [["one.png", 0.0, 0.0, 0.0]]}
     blank = {**line, "ground_x_m": "", "ground_y_m": ""}
     names = ["one.png", "two.png", "none.png"]
-    found = numbered(names, {"two.png": [later], "one.png": [line, blank]})
+    found = with_track_numbers(names, {"two.png": [later], "one.png": [line, blank]})
     assert [[row["track"] for row in found[name]] for name in names] == [[0, 1], [0], []]
 
 
 def test_the_chain_of_images_before_ends() -> None:
     names = [f"{number}.png" for number in range(12)]
-    views = Views(sample_camera(), {}, dict(zip(names[1:], names[:-1], strict=True)))
+    views = CameraSetup(sample_camera(), {}, dict(zip(names[1:], names[:-1], strict=True)))
     assert VIEWS_WINDOW == WINDOW == len(views.chain("11.png"))
     assert views.chain("11.png")[:2] == ("10.png", "9.png")
-    assert Views(sample_camera(), {}, {"a": "b", "b": "a"}).chain("a") == ("b",)
+    assert CameraSetup(sample_camera(), {}, {"a": "b", "b": "a"}).chain("a") == ("b",)
 
 
 def test_what_a_standing_robot_leaves_open_is_asked_of_an_earlier_image() -> None:
@@ -66,11 +66,11 @@ def test_what_a_standing_robot_leaves_open_is_asked_of_an_earlier_image() -> Non
     camera, params = rendered.camera, load_params()
     found = segment_view(rendered.current.image, camera, params)
     poses = tuple(planar_pose(camera, *pose) for pose in rendered.poses)
-    again = Earlier(rendered.current.image, (poses[1], poses[1]))
+    again = EarlierImage(rendered.current.image, (poses[1], poses[1]))
     alone = free_space(rendered.current.image, found, [again], camera, EPSILON)
     assert {row.verdict for row in alone.components} == {"untested"}
     assert not alone.tested
-    farther = Earlier(rendered.previous.image, (poses[0], poses[1]), "first.png")
+    farther = EarlierImage(rendered.previous.image, (poses[0], poses[1]), "first.png")
     frame = free_space(rendered.current.image, found, [again, farther], camera, EPSILON)
     assert {row.against for row in frame.components} == {"first.png"}
     assert {row.verdict for row in frame.components} == {"obstacle", "false_obstacle"}
@@ -86,7 +86,7 @@ def test_decided_components_ask_for_no_further_image() -> None:
     def views() -> object:
         for number in range(5):
             asked.append(number)
-            yield Earlier(rendered.previous.image, None, str(number))
+            yield EarlierImage(rendered.previous.image, None, str(number))
 
     free_space(rendered.current.image, found, views(), rendered.camera, EPSILON)  # type: ignore[arg-type]
     assert asked == [0]

@@ -17,10 +17,10 @@ from ffseg.cli.app import app
 from ffseg.io import files
 from ffseg.learning import tune as tuning
 from ffseg.learning.choice import Trial
-from ffseg.learning.gather import Labelled, gather
-from ffseg.learning.page import to_html, to_yaml, told, untried
-from ffseg.learning.space import MOST_SETTINGS, applied, halton, levels, settings
-from ffseg.learning.tune import Tuned, _sensitivity, before_and_after, tune
+from ffseg.learning.gather import LabelledImage, gather
+from ffseg.learning.page import not_tried, summary_lines, to_html, to_yaml
+from ffseg.learning.space import MOST_SETTINGS, halton, levels, settings, with_setting
+from ffseg.learning.tune import TuningResult, _sensitivity, before_and_after, tune
 from ffseg.parameter_text import non_defaults
 from ffseg.parameters import load_params
 from tests.discs import disc_of
@@ -105,9 +105,9 @@ def test_where_nothing_is_better_the_parameters_are_kept(tmp_path: Path) -> None
 
 
 def test_the_page_names_the_setting_it_shows_where_none_is_taken() -> None:
-    found = Tuned({}, {"edges.sigma": 2.0}, (0.5,), (0.9,), (0.5,), (), 3, 1.0)
+    found = TuningResult({}, {"edges.sigma": 2.0}, (0.5,), (0.9,), (0.5,), (), 3, 1.0)
     plane = np.zeros((2, 2), np.uint8)
-    shown = [Labelled("a.png", plane, plane, load_params(), None)], [(plane > 0, plane > 0)], ""
+    shown = [LabelledImage("a.png", plane, plane, load_params(), None)], [(plane > 0, plane > 0)], ""
     assert "which is not taken: edges.sigma 2.0</p>" in to_html(found, *shown)
     assert "not taken" not in to_html(replace(found, setting=found.best), *shown)
 
@@ -117,7 +117,7 @@ def test_settings_are_spread_and_differ() -> None:
     assert (len({str(one) for one in drawn}), len({str(one) for one in settings()})) == (100, MOST_SETTINGS)
     assert len({str(one["edges.canny"]) for one in drawn}) == 10
     assert [halton(index, 2) for index in (1, 2, 3, 4)] == [0.5, 0.25, 0.75, 0.125]
-    params = applied(load_params(), drawn[0])
+    params = with_setting(load_params(), drawn[0])
     assert params.edges.sigma == drawn[0]["edges.sigma"]
     assert load_params(None, {key: list(v) if isinstance(v, tuple) else v for key, v in drawn[0].items()}) == params
 
@@ -139,16 +139,16 @@ def test_the_budget_is_kept(budget: int, most: int, monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(tuning.Bench, "overlap", lambda _self, number, _setting: seen.append(number) or 0.5)
     params = load_params(None, {"edges.source": "gradient"})
     image = np.zeros((8, 8), np.uint8)
-    found = tune([Labelled(str(n), image, image, params, None) for n in range(8)], budget, lambda _: None)
+    found = tune([LabelledImage(str(n), image, image, params, None) for n in range(8)], budget, lambda _: None)
     assert found.seconds == len(seen) <= most  # 8 for the parameters at hand, and at most a round of 2, 4 and 8 images
     assert found.tried + found.left == MOST_SETTINGS
-    (said,) = untried(found)
+    (said,) = not_tried(found)
     assert said.startswith(f"not tried for want of time: {found.left} of {MOST_SETTINGS} settings; a longer")
     assert f"# {said}" in to_yaml(found)
 
 
 def test_what_had_its_time_says_nothing_of_it() -> None:
-    assert untried(Tuned({}, {}, (0.5, 0.5), (0.5, 0.5), (0.5, 0.5), (), 249, 1.0)) == []
+    assert not_tried(TuningResult({}, {}, (0.5, 0.5), (0.5, 0.5), (0.5, 0.5), (), 249, 1.0)) == []
 
 
 def test_sensitivity_is_the_span_of_the_means() -> None:
@@ -162,21 +162,23 @@ def test_sensitivity_is_the_span_of_the_means() -> None:
 def test_thresholds_survive_their_file(tmp_path: Path) -> None:
     setting = {"edges.source": "gradient", "edges.canny": (2.5, 5.0), "contour.clearance": 6.0}
     path = tmp_path / "mine.yaml"
-    path.write_text(to_yaml(Tuned(setting, setting, (0.5, 0.5), (0.9, 0.9), (0.9, 0.9), (), 3, 1.0)))
+    path.write_text(to_yaml(TuningResult(setting, setting, (0.5, 0.5), (0.9, 0.9), (0.9, 0.9), (), 3, 1.0)))
     params = load_params(str(path))
     assert (params.edges.source, params.edges.canny, params.contour.clearance) == ("gradient", (2.5, 5.0), 6.0)
 
 
 @pytest.mark.parametrize("others", [0.4, 0.6])
 def test_a_setting_that_serves_no_other_image_is_told(others: float) -> None:
-    found = Tuned({"edges.sigma": 2.0}, {"edges.sigma": 2.0}, (0.5, 0.5), (0.9, 0.9), (others, others), (), 3, 1.0)
-    assert any("draw more masks" in line for line in told(found)) == (others < 0.5)
+    found = TuningResult(
+        {"edges.sigma": 2.0}, {"edges.sigma": 2.0}, (0.5, 0.5), (0.9, 0.9), (others, others), (), 3, 1.0
+    )
+    assert any("draw more masks" in line for line in summary_lines(found)) == (others < 0.5)
 
 
 def test_one_image_says_nothing_of_others() -> None:
-    found = Tuned({}, {"edges.sigma": 2.0}, (0.5,), (0.9,), (0.5,), (), 3, 1.0)
-    assert not any("others" in line for line in told(found))
-    assert any("one image may be chance: they are kept" in line for line in told(found))
+    found = TuningResult({}, {"edges.sigma": 2.0}, (0.5,), (0.9,), (0.5,), (), 3, 1.0)
+    assert not any("others" in line for line in summary_lines(found))
+    assert any("one image may be chance: they are kept" in line for line in summary_lines(found))
 
 
 def test_the_file_holds_what_tuning_began_with(tmp_path: Path) -> None:
@@ -188,6 +190,6 @@ def test_the_file_holds_what_tuning_began_with(tmp_path: Path) -> None:
     path = tmp_path / "sub" / "t.yaml"
     path.parent.mkdir()
     for setting in ({}, {"edges.canny": (8.0, 16.0), "edges.sigma": 2.0}):
-        path.write_text(to_yaml(Tuned(setting, setting, (0.5, 0.5), (0.9, 0.9), (0.9, 0.9), (), 3, 1.0), began))
+        path.write_text(to_yaml(TuningResult(setting, setting, (0.5, 0.5), (0.9, 0.9), (0.9, 0.9), (), 3, 1.0), began))
         assert load_params(path) == load_params("toy-full", {**non_defaults(began), **setting})
-    assert "contour" not in to_yaml(Tuned({}, {}, (0.5,), (0.9,), (0.9,), (), 3, 1.0), load_params())
+    assert "contour" not in to_yaml(TuningResult({}, {}, (0.5,), (0.9,), (0.9,), (), 3, 1.0), load_params())

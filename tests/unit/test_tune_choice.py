@@ -5,20 +5,20 @@ from collections.abc import Callable
 import pytest
 
 from ffseg.evidence.maps import log_odds
-from ffseg.learning.choice import ERRORS, LEAST_GAIN, LEAST_SPREAD, Trial, Tried
+from ffseg.learning.choice import ERRORS, LEAST_GAIN, LEAST_SPREAD, Trial, Trials
 from ffseg.learning.space import LEVEL, levels
 from ffseg.parameters import load_params
 
 PLAIN = (0.5, 0.4, 0.6)
 
 
-def tried(gain: Callable[[float, int], float], others: tuple[Trial, ...] = ()) -> Tried:
+def tried(gain: Callable[[float, int], float], others: tuple[Trial, ...] = ()) -> Trials:
     """Levels whose gain on an image is a function of how far they are moved, in log odds."""
     moved = []
     for setting in levels(load_params()):
         far = log_odds(float(str(setting[LEVEL])))
         moved.append(Trial(setting, {number: own + gain(far, number) for number, own in enumerate(PLAIN)}))
-    return Tried(Trial({}, dict(enumerate(PLAIN))), 0.5, moved, others)
+    return Trials(Trial({}, dict(enumerate(PLAIN))), 0.5, moved, others)
 
 
 def other(*gains: float) -> Trial:
@@ -101,6 +101,6 @@ def test_an_image_is_measured_with_what_the_others_speak_for() -> None:
 
 
 def test_one_image_speaks_for_nothing() -> None:
-    found = Tried(Trial({}, {0: 0.5}), 0.5, (), (other(0.4, 0, 0),))
+    found = Trials(Trial({}, {0: 0.5}), 0.5, (), (other(0.4, 0, 0),))
     assert found.chosen([0]) is found.plain
     assert found.left_out() == (0.5,)

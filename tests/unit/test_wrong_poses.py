@@ -12,11 +12,11 @@ from ffseg.camera.model import Camera
 from ffseg.camera.motion import Pose, planar_pose
 from ffseg.camera.poses import load_poses
 from ffseg.errors import CalibrationError
+from ffseg.freespace.motion.candidates import SegmentedImage
 from ffseg.freespace.motion.contradictions import LONGEST, TALLEST, unlikely_units
-from ffseg.freespace.motion.egomotion import given_motion, pair_motion
-from ffseg.freespace.motion.evidence import Scenery
+from ffseg.freespace.motion.egomotion import pair_motion, stated_motion
 from ffseg.freespace.sequence import free_space
-from ffseg.freespace.window import Earlier, moved
+from ffseg.freespace.window import EarlierImage, window_motion
 from ffseg.parameters import load_params
 from ffseg.rendering.pairs import RenderedPair, sample_camera
 from tests.campaigns.freespace import true_poses
@@ -56,7 +56,7 @@ def test_wrong_poses_are_named_and_nothing_is_judged(kind: str, texture: float) 
     rendered, params = pair(texture), load_params()
     camera, poses = wrong(rendered, kind)
     found = segment_view(rendered.current.image, camera, params)
-    before = Earlier(rendered.previous.image, poses)
+    before = EarlierImage(rendered.previous.image, poses)
     frame = free_space(rendered.current.image, found, [before], camera, params.obstacles.altitude)
     assert frame.note.startswith("no motion: ")
     assert KINDS[kind][1] in frame.note
@@ -68,9 +68,9 @@ def test_wrong_poses_are_named_and_nothing_is_judged(kind: str, texture: float) 
 def test_a_wrong_pose_of_an_image_that_encloses_nothing_is_known_to_be() -> None:
     rendered, params = pair(3.0), load_params()
     camera, poses = wrong(rendered, "theta in degrees")
-    free = Scenery(segment_view(rendered.current.image, camera, params).mask)
-    before = Earlier(rendered.previous.image, poses)
-    found = moved(rendered.current.image, free, [before], camera, params.obstacles.altitude)
+    free = SegmentedImage(segment_view(rendered.current.image, camera, params).mask)
+    before = EarlierImage(rendered.previous.image, poses)
+    found = window_motion(rendered.current.image, free, [before], camera, params.obstacles.altitude)
     assert (found.pair.contradicted, found.pair.motion, found.links) == (True, None, ())
 
 
@@ -78,7 +78,7 @@ def test_right_poses_are_not_accused() -> None:
     rendered = pair(0.0)
     free = rendered.current.truth & (rendered.current.labels <= 0)
     images = rendered.previous.image, rendered.current.image
-    found = pair_motion(rendered.camera, images, true_poses(rendered), Scenery(free), 0.08)
+    found = pair_motion(rendered.camera, images, true_poses(rendered), SegmentedImage(free), 0.08)
     assert found.motion is not None
     assert not found.contradicted
 
@@ -103,5 +103,5 @@ def test_stated_deviations_are_taken_and_others_assumed(tmp_path: Path) -> None:
     for text, sigmas in ((stated, (0.005, 0.05)), (assumed, (0.006, np.deg2rad(0.5)))):
         path.write_text(text)
         poses = load_poses(path, ["a", "b"], camera)
-        motion = given_motion((poses["a"], poses["b"]))
+        motion = stated_motion((poses["a"], poses["b"]))
         assert (motion.translation_sigma, motion.rotation_sigma) == pytest.approx(sigmas)

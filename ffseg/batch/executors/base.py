@@ -87,7 +87,7 @@ class Executor(ABC):
         """End all work at once; replies that have not been given are lost."""
 
 
-def served(
+def serve(
     executor: Executor, tasks: Iterator[Task], wanted: Callable[[], bool], patience: Callable[[], int | None]
 ) -> Iterator[Event | None]:
     """Give an executor tasks while it has room, until all replies are in or they are no longer wanted.

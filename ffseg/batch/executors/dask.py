@@ -15,7 +15,7 @@ from importlib import import_module
 from time import monotonic
 from typing import Any
 
-from ffseg.batch.executors.base import Assignment, Executor, served
+from ffseg.batch.executors.base import Assignment, Executor, serve
 from ffseg.batch.executors.chunks import Chunks, replies, reply_line
 from ffseg.batch.executors.held import end_idle, interrupt, lend, worker_process
 from ffseg.batch.tar.members import digest
@@ -49,7 +49,7 @@ _GOODBYE_S = 5
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
+class ChunkOrder:
     """What a machine is told of a chunk."""
 
     setup: Setup
@@ -114,7 +114,9 @@ class Dask(Executor):
         self._size = self._next_size()
         start, self._number = self._start, self._number + 1
         path = self._chunks.path(self._number)
-        order = Order(start.setup, start.options.timeout, start.settings, self._key, path, self._chunks.going, tasks)
+        order = ChunkOrder(
+            start.setup, start.options.timeout, start.settings, self._key, path, self._chunks.going, tasks
+        )
         future = self._client.submit(do_chunk, order, pure=False)
         self._waiting[future] = (tasks, self._number)
         future.add_done_callback(self._ended.put)
@@ -230,7 +232,7 @@ async def _require_scheduler(address: str, stop: int) -> None:
         raise ValueError(f"it is a {found}")
 
 
-def do_chunk(order: Order) -> dict[str, str]:
+def do_chunk(order: ChunkOrder) -> dict[str, str]:
     """Do the images of a chunk that are not done yet; runs on a worker of the cluster.
 
     Returns
@@ -248,7 +250,7 @@ def do_chunk(order: Order) -> dict[str, str]:
     ):
         file.write(b"\n")  # after a line that a dead worker has not finished
         names = {task.job.index: task.job.source.name for task in left}
-        for event in served(held.executor, iter(left), lambda: os.path.exists(order.going), lambda: None):
+        for event in serve(held.executor, iter(left), lambda: os.path.exists(order.going), lambda: None):
             if isinstance(event, Ready):
                 held.versions = event.versions
             elif isinstance(event, Reply):

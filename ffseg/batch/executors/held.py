@@ -18,7 +18,7 @@ cannot say that no more will come."""
 
 
 @dataclass(eq=False, slots=True)
-class Held:
+class HeldProcess:
     """A worker process, the versions it told when it began, and what ends it when it is idle for long."""
 
     key: str
@@ -27,9 +27,9 @@ class Held:
     end: Timer = field(init=False)
 
 
-_idle: list[Held] = []
+_idle: list[HeldProcess] = []
 """Worker processes between chunks."""
-_busy: set[Held] = set()
+_busy: set[HeldProcess] = set()
 """Worker processes that work on a chunk."""
 _changing = RLock()
 """Held while the idle ones change."""
@@ -39,11 +39,11 @@ def lend(key: str, start: Assignment) -> None:
     """Let workers of this process have the worker processes that were started with the command."""
     alone = replace(start.options, num_workers=1)
     for process in start.started[: start.options.num_workers]:
-        _keep(Held(key, Processes(Assignment(start.setup, alone, [process]))))
+        _keep(HeldProcess(key, Processes(Assignment(start.setup, alone, [process]))))
 
 
 @contextlib.contextmanager
-def worker_process(key: str, setup: Setup, timeout: float, going: str) -> Iterator[Held]:
+def worker_process(key: str, setup: Setup, timeout: float, going: str) -> Iterator[HeldProcess]:
     """One worker process of this machine, kept for the next chunk unless something went wrong.
 
     Parameters
@@ -55,7 +55,7 @@ def worker_process(key: str, setup: Setup, timeout: float, going: str) -> Iterat
     going : str
         File that is there as long as the run may have more chunks.
     """
-    held = _take(lambda one: one.key == key) or Held(key, Processes(Assignment(setup, Options(1, timeout))))
+    held = _take(lambda one: one.key == key) or HeldProcess(key, Processes(Assignment(setup, Options(1, timeout))))
     _busy.add(held)
     try:
         yield held
@@ -72,7 +72,7 @@ def worker_process(key: str, setup: Setup, timeout: float, going: str) -> Iterat
         held.executor.close()
 
 
-def _take(meant: Callable[[Held], bool]) -> Held | None:
+def _take(meant: Callable[[HeldProcess], bool]) -> HeldProcess | None:
     """Take a process that is meant out of the idle ones; None where there is none."""
     with _changing:
         found = next(filter(meant, _idle), None)
@@ -82,7 +82,7 @@ def _take(meant: Callable[[Held], bool]) -> Held | None:
     return found
 
 
-def _keep(held: Held) -> None:
+def _keep(held: HeldProcess) -> None:
     """Let a process wait for a chunk, but not for ever."""
     held.end = Timer(IDLE_S, _end, (lambda one: one is held,))
     held.end.daemon = True
@@ -91,7 +91,7 @@ def _keep(held: Held) -> None:
         held.end.start()
 
 
-def _end(meant: Callable[[Held], bool]) -> None:
+def _end(meant: Callable[[HeldProcess], bool]) -> None:
     while (held := _take(meant)) is not None:
         held.executor.close()
 

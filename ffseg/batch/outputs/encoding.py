@@ -15,7 +15,7 @@ from ffseg.batch.outputs.table import Output
 from ffseg.errors import SegmentationError
 from ffseg.io.files import printable
 from ffseg.io.overlays import Polyline, encode_overlay, jpeg_address
-from ffseg.io.saving import Source
+from ffseg.io.saving import ImageInfo
 from ffseg.io.saving import encoded as saved
 from ffseg.plugins import load
 from ffseg.result import Segmentation
@@ -29,21 +29,21 @@ FILM_FRAMES = 120
 
 
 @dataclass(slots=True, eq=False)
-class Film:
+class SnapshotRecorder:
     """Keeps snapshots of an evolution, evenly: when too many have come, every second is dropped."""
 
     snapshots: list[Progress] = field(default_factory=list)
     step: int = 1
-    heard: int = 0
+    num_seen: int = 0
 
     def __call__(self, snapshot: Progress) -> None:
         """Hear of the next snapshot."""
-        if self.heard % self.step == 0:
+        if self.num_seen % self.step == 0:
             self.snapshots.append(snapshot)
             if len(self.snapshots) > FILM_FRAMES:
                 del self.snapshots[1::2]
                 self.step *= 2
-        self.heard += 1
+        self.num_seen += 1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,7 +65,7 @@ class Context:
         For the animation; the result is added.
     ground : Ground, optional
         Free space of a camera's image in metres.
-    stood : mapping
+    camera : mapping
         How the camera stood, and how it moved since earlier images.
     label : str
         Class of every region.
@@ -78,11 +78,11 @@ class Context:
     lines: Sequence[Polyline] = ()
     snapshots: Sequence[Progress] = ()
     ground: Ground | None = None
-    stood: Mapping[str, Any] = field(default_factory=dict)
+    camera: Mapping[str, Any] = field(default_factory=dict)
     label: str = "region"
 
 
-def encoded(kind: Output, result: Segmentation, context: Context) -> bytes:
+def encoded_output(kind: Output, result: Segmentation, context: Context) -> bytes:
     """The output of one kind.
 
     Raises
@@ -91,7 +91,7 @@ def encoded(kind: Output, result: Segmentation, context: Context) -> bytes:
         If the function of a plug-in gives no bytes.
     """
     if not kind.encode:
-        return saved(result, kind.name, Source(readable(context.name), context.image, label=context.label))
+        return saved(result, kind.name, ImageInfo(readable(context.name), context.image, label=context.label))
     data = load(kind.encode)(result, context)
     if not isinstance(data, bytes):
         raise SegmentationError(f"the output {kind.name} gave {type(data).__name__}, not bytes; mend its function")
@@ -109,7 +109,7 @@ def readable(name: str) -> str:
 
 def contours(result: Segmentation, context: Context) -> bytes:
     """The contours as an SVG file."""
-    return saved(result, "svg", Source(context.name))
+    return saved(result, "svg", ImageInfo(context.name))
 
 
 def overlay(result: Segmentation, context: Context) -> bytes:
@@ -122,10 +122,10 @@ def labelme(result: Segmentation, context: Context) -> bytes:
     return saved(result, "labelme", as_labelme(context.target, context.path, context.image, context.label))
 
 
-def as_labelme(document: str, path: str, image: NDArray[np.uint8], label: str) -> Source:
+def as_labelme(document: str, path: str, image: NDArray[np.uint8], label: str) -> ImageInfo:
     """An image as LabelMe opens it: by the path from where the document is stored, or held by it without a file of its own."""
     behind = "" if os.path.isfile(path) else jpeg_address(image, _QUALITY)
-    return Source(path_from(document, path), behind=behind, label=label)
+    return ImageInfo(path_from(document, path), behind=behind, label=label)
 
 
 def path_from(document: str, image: str) -> str:
@@ -141,7 +141,7 @@ _QUALITY = 90
 
 def drawing(result: Segmentation, context: Context) -> bytes:
     """The contours over the image as an SVG file that needs no other."""
-    return saved(result, "svg", Source(context.name, behind=jpeg_address(context.image, _QUALITY)))
+    return saved(result, "svg", ImageInfo(context.name, behind=jpeg_address(context.image, _QUALITY)))
 
 
 def film(result: Segmentation, context: Context) -> bytes:

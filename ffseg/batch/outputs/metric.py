@@ -15,7 +15,7 @@ from ffseg.result import Segmentation
 
 def ground(_: Segmentation, context: Context) -> bytes:
     """Free space as GeoJSON polygons in metres."""
-    return _json(_metres(context).document(readable(context.name)) | {"camera": context.stood})
+    return _json(_metres(context).document(readable(context.name)) | {"camera": context.camera})
 
 
 def scan_csv(_: Segmentation, context: Context) -> bytes:

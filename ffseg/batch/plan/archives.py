@@ -8,7 +8,7 @@ from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
 from ffseg.batch.outputs.table import OUTPUT_FOLDERS
-from ffseg.batch.plan.sources import STATE_FOLDER, SUFFIXES, Source
+from ffseg.batch.plan.sources import STATE_FOLDER, SUFFIXES, InputImage
 from ffseg.errors import UsageError
 from ffseg.io.files import SKIP_FILE, printable
 
@@ -31,7 +31,7 @@ def is_archive(path: str) -> bool:
     return path.lower().endswith((".tar", *_PACKED))
 
 
-def members(path: str, suffixes: Collection[str] = SUFFIXES) -> list[Source]:
+def members(path: str, suffixes: Collection[str] = SUFFIXES) -> list[InputImage]:
     """Images in a tar file, in the order they are stored in; a later one of the same name replaces the earlier.
 
     Parameters
@@ -72,7 +72,7 @@ def _require_end(archive: tarfile.TarFile) -> None:
         )
 
 
-def _images(path: str, archive: tarfile.TarFile, suffixes: Collection[str]) -> list[Source]:
+def _images(path: str, archive: tarfile.TarFile, suffixes: Collection[str]) -> list[InputImage]:
     kept: Any = archive
     files: dict[str, tuple[int, int]] = {}
     links: dict[str, str] = {}
@@ -117,16 +117,16 @@ def _target(name: str, link: tarfile.TarInfo) -> str:
     return posixpath.normpath(link.linkname if link.islnk() else f"{posixpath.dirname(name) or '.'}/{link.linkname}")
 
 
-def _source(path: str, name: str, files: Mapping[str, tuple[int, int]], links: Mapping[str, str]) -> Source:
+def _source(path: str, name: str, files: Mapping[str, tuple[int, int]], links: Mapping[str, str]) -> InputImage:
     """The image of a name, which may be a link to another member; one that leads elsewhere says so."""
     target = name
     for _ in range(_MOST_LINKS):
         if target in files:
             deep = name.count("/") > _MOST_FOLDERS
             problem = f"bad-name: it lies more than {_MOST_FOLDERS} folders deep; pack it again" if deep else ""
-            return Source(path, name, problem, span=files[target])
+            return InputImage(path, name, problem, span=files[target])
         if target not in links:
-            said = f"missing: a link to {printable(target)}, which is no file in the archive; pack it too (tar -h)"
-            return Source(path, name, said, span=(0, 0))
+            problem = f"missing: a link to {printable(target)}, which is no file in the archive; pack it too (tar -h)"
+            return InputImage(path, name, problem, span=(0, 0))
         target = links[target]
-    return Source(path, name, "link-loop: the link leads back to itself; pack its file instead", span=(0, 0))
+    return InputImage(path, name, "link-loop: the link leads back to itself; pack its file instead", span=(0, 0))

@@ -9,8 +9,8 @@ from functools import cached_property
 from operator import attrgetter
 
 from ffseg.batch.plan.archives import is_archive, members
-from ffseg.batch.plan.reading import told
-from ffseg.batch.plan.sources import SUFFIXES, Source
+from ffseg.batch.plan.reading import display_path
+from ffseg.batch.plan.sources import SUFFIXES, InputImage
 from ffseg.errors import UsageError
 from ffseg.io.files import printable
 
@@ -18,7 +18,7 @@ ARRAY_SUFFIX = ".npy"
 """Of maps that are no images."""
 
 
-class Beside:
+class SiblingFiles:
     """A folder of such files, or a tar file made of one.
 
     Parameters
@@ -42,7 +42,7 @@ class Beside:
         self,
         option: str,
         folder: str,
-        sources: Sequence[Source],
+        sources: Sequence[InputImage],
         suffixes: Collection[str] = SUFFIXES,
         *,
         packed: bool = False,
@@ -58,7 +58,7 @@ class Beside:
             what = "folder or tar file" if packed else "folder"
             raise UsageError(f"{option}: there is no {what} {printable(folder)}; check the name")
 
-    def file_of(self, source: Source, stems: Iterable[str]) -> str:
+    def file_of(self, source: InputImage, stems: Iterable[str]) -> str:
         """Path of the file there is, other than the image itself, with one of these names without suffix; or empty.
 
         Of a member in a tar file what `read_input` takes.
@@ -73,7 +73,7 @@ class Beside:
         if len(found) > 1:
             others = [path for path in found if os.path.realpath(path) not in self._images]
             if len(others) > 1:
-                names = " and ".join(printable(os.path.basename(told(path))) for path in others[:2])
+                names = " and ".join(printable(os.path.basename(display_path(path))) for path in others[:2])
                 where = f"{printable(self.folder)} holds {names}"
                 raise UsageError(
                     f"{self.option}: {where}, each of which could belong to {printable(source.name)}; leave one"
@@ -101,7 +101,7 @@ class Beside:
         return found
 
 
-def find_truths(sources: Sequence[Source], folder: str) -> dict[str, str]:
+def find_truths(sources: Sequence[InputImage], folder: str) -> dict[str, str]:
     """True mask of each image that has one: the same relative name with any suffix, or with ``_truth`` before it.
 
     In a folder or a tar file; what is given is for `read_input`.
@@ -111,7 +111,7 @@ def find_truths(sources: Sequence[Source], folder: str) -> dict[str, str]:
     UsageError
         If there is no such folder or tar file, no image has a true mask in it, or one has two.
     """
-    beside = Beside("--truth", folder, sources, packed=True)
+    beside = SiblingFiles("--truth", folder, sources, packed=True)
     truths = {}
     for source in sources:
         stem = os.path.splitext(source.name)[0]
@@ -126,7 +126,7 @@ def find_truths(sources: Sequence[Source], folder: str) -> dict[str, str]:
     return truths
 
 
-def _require_one_mask_of_two(sources: Sequence[Source], truths: dict[str, str]) -> None:
+def _require_one_mask_of_two(sources: Sequence[InputImage], truths: dict[str, str]) -> None:
     """Refuse ``a.jpg`` and ``a.png`` side by side, each of which could be the mask of the other."""
     inputs = {os.path.realpath(one.content): one for one in sources}
     for one in sources:
@@ -138,7 +138,7 @@ def _require_one_mask_of_two(sources: Sequence[Source], truths: dict[str, str]) 
             )
 
 
-def find_evidence(sources: Sequence[Source], folder: str) -> dict[str, str]:
+def find_evidence(sources: Sequence[InputImage], folder: str) -> dict[str, str]:
     """Map of each image: the same relative name with the suffix of an image or ``.npy``, in a folder or a tar file.
 
     Raises
@@ -146,12 +146,12 @@ def find_evidence(sources: Sequence[Source], folder: str) -> dict[str, str]:
     UsageError
         If there is no such folder or tar file, or an image has no map in it.
     """
-    beside = Beside("--evidence", folder, sources, {*SUFFIXES, ARRAY_SUFFIX}, packed=True)
+    beside = SiblingFiles("--evidence", folder, sources, {*SUFFIXES, ARRAY_SUFFIX}, packed=True)
     missing = "has no map of its name in {} (NAME.png, NAME.tiff or NAME.npy)"
     return _of_each(beside, lambda name: (os.path.splitext(name)[0],), missing)
 
 
-def find_domains(sources: Sequence[Source], folder: str) -> dict[str, str]:
+def find_domains(sources: Sequence[InputImage], folder: str) -> dict[str, str]:
     """Mask of each image: of its own relative name with any suffix, else of the nearest folder round it.
 
     For ``left/day1/a.jpg`` the first there is of ``left/day1/a.png``, ``left/day1.png``, ``left.png``.
@@ -162,10 +162,10 @@ def find_domains(sources: Sequence[Source], folder: str) -> dict[str, str]:
         If the folder does not exist, or an image has no mask in it.
     """
     missing = "has no mask of its name or of its folder's in {} (NAME.png or FOLDER.png)"
-    return _of_each(Beside("domain.masks", folder, sources), _own_or_folders, missing)
+    return _of_each(SiblingFiles("domain.masks", folder, sources), _own_or_folders, missing)
 
 
-def _of_each(beside: Beside, stems: Callable[[str], Iterable[str]], missing: str) -> dict[str, str]:
+def _of_each(beside: SiblingFiles, stems: Callable[[str], Iterable[str]], missing: str) -> dict[str, str]:
     found = {
         source.name: next(filter(None, (beside.file_of(source, [stem]) for stem in stems(source.name))), "")
         for source in beside.sources

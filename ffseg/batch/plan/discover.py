@@ -13,24 +13,24 @@ from pathlib import Path
 from ffseg.batch.outputs.table import OUTPUT_FOLDERS
 from ffseg.batch.plan.archives import images_among, is_archive, members
 from ffseg.batch.plan.remote import PROTOCOLS, file_system, is_remote, remote_name, small_scheme
-from ffseg.batch.plan.sources import READ_SUFFIXES, STATE_FOLDER, SUFFIXES, Source, natural_key
+from ffseg.batch.plan.sources import READ_SUFFIXES, STATE_FOLDER, SUFFIXES, InputImage, natural_key
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.io.bags import MARK, stamps
 from ffseg.io.files import SKIP_FILE, is_temporary, printable
-from ffseg.io.films import ANIMATIONS, contents, is_film, require_video
+from ffseg.io.films import ANIMATIONS, film_contents, is_film, require_video
 
 _CHECK = "check the name"
 _ADDRESSES = ", ".join(f"{one}://" for one in PROTOCOLS if one != "memory")
 
 
 def discover(
-    inputs: Sequence[str | Source], *, film: bool = False, skipped: Counter[str] | None = None
-) -> list[Source]:
+    inputs: Sequence[str | InputImage], *, film: bool = False, skipped: Counter[str] | None = None
+) -> list[InputImage]:
     """Images named by files, folders and patterns, each once; of a film its frames.
 
     Parameters
     ----------
-    inputs : sequence of str or Source
+    inputs : sequence of str or InputImage
         Each an image that was found before, a file, a folder (walked recursively, natural order), or a pattern
         with ``*``, ``?``, ``[...]`` or ``**``.
     film : bool
@@ -43,15 +43,15 @@ def discover(
     UsageError
         If an input does not exist, or holds no image, or films cannot be read here.
     """
-    found: dict[tuple[str, str], Source] = {}
+    found: dict[tuple[str, str], InputImage] = {}
     skipped = Counter() if skipped is None else skipped
-    for place, given in enumerate(inputs):
-        files = _expand(given, skipped) if isinstance(given, str) else [given]
+    for place, entry in enumerate(inputs):
+        files = _expand(entry, skipped) if isinstance(entry, str) else [entry]
         sources = [frame for source in files for frame in frames(source, film=film)]
         if not sources:
             films = "; name a film by its file" if any(map(is_film, skipped)) else ""
             raise UsageError(
-                f"{printable(str(given))} holds no image; hidden files, outputs of ffseg and folders below with a file "
+                f"{printable(str(entry))} holds no image; hidden files, outputs of ffseg and folders below with a file "
                 f"{SKIP_FILE} are left out, and images in a folder need one of the suffixes {READ_SUFFIXES}{films}"
             )
         places: dict[str, str] = {}  # of archives: their members need not ask the disk each
@@ -64,7 +64,7 @@ def discover(
     return list(found.values())
 
 
-def frames(source: Source, *, film: bool = False) -> list[Source]:
+def frames(source: InputImage, *, film: bool = False) -> list[InputImage]:
     """The frames of a film, called ``film_000123.mp4``; what is none alone, and what cannot be read with its problem.
 
     Parameters
@@ -72,12 +72,12 @@ def frames(source: Source, *, film: bool = False) -> list[Source]:
     film : bool
         Whether animations and stacks of pages are films.
     """
-    wanted = is_film(source.path) or (film and source.path.lower().endswith(ANIMATIONS))
-    if not wanted or source.problem or source.span is not None or is_remote(source.path):
+    by_frames = is_film(source.path) or (film and source.path.lower().endswith(ANIMATIONS))
+    if not by_frames or source.problem or source.span is not None or is_remote(source.path):
         return [source]
     require_video(source.path)
     try:
-        found = contents(source.path)
+        found = film_contents(source.path)
     except ImageReadError as error:
         return [replace(source, problem=f"{error.reason}: {error}")]
     if len(found.times) == 1 and not is_film(source.path):
@@ -91,7 +91,7 @@ def frames(source: Source, *, film: bool = False) -> list[Source]:
     return [*listed, missing] if found.problem else listed
 
 
-def bag_frames(bag: str, topic: str) -> list[Source]:
+def bag_frames(bag: str, topic: str) -> list[InputImage]:
     """The images of a topic of a bag, called ``camera_image_000123.png``, with their seconds since the first."""
     if not (bag and topic):
         raise UsageError("--bag and --topic go together; name the bag and the topic of its images")
@@ -101,12 +101,12 @@ def bag_frames(bag: str, topic: str) -> list[Source]:
         raise UsageError(f"{printable(bag)} has no image on {printable(topic)}; name another topic")
     stem = topic.strip("/").replace("/", "_")
     return [
-        Source(path, f"{stem}_{number:06d}.png", span=(number, 1), time=round((at - times[0]) / 1e9, 6), stamp=at)
+        InputImage(path, f"{stem}_{number:06d}.png", span=(number, 1), time=round((at - times[0]) / 1e9, 6), stamp=at)
         for number, at in enumerate(times)
     ]
 
 
-def _expand(text: str, skipped: Counter[str]) -> list[Source]:
+def _expand(text: str, skipped: Counter[str]) -> list[InputImage]:
     if is_remote(text):
         return _remote_sources(small_scheme(text))
     if os.path.isdir(text):
@@ -114,7 +114,7 @@ def _expand(text: str, skipped: Counter[str]) -> list[Source]:
     if is_archive(text) and os.path.isfile(text):
         return sorted(members(text), key=_source_key)
     if os.path.lexists(text):
-        return [Source(text, os.path.basename(text))]
+        return [InputImage(text, os.path.basename(text))]
     if not glob.has_magic(text):
         remedy = _CHECK
         if text == "-":
@@ -125,43 +125,43 @@ def _expand(text: str, skipped: Counter[str]) -> list[Source]:
     return _expand_pattern(text, skipped)
 
 
-def _remote_sources(url: str) -> list[Source]:
+def _remote_sources(url: str) -> list[InputImage]:
     """Images of a URL: one, those of a pattern, or those below a folder of a store."""
     try:
         if url.startswith("http"):
-            return [Source(url, remote_name(url))]
+            return [InputImage(url, remote_name(url))]
         system, path = file_system(url)
         if any(mark in path for mark in "*?[") and not system.isfile(path):
             base = path[: min(path.find(mark) for mark in "*?[" if mark in path)].rpartition("/")[0]
             paths = [one for one in system.glob(path) if not system.isdir(one)]
         elif not system.isdir(path):
-            return [Source(url, remote_name(path))]
+            return [InputImage(url, remote_name(path))]
         else:
             base, paths = path.rstrip("/"), system.find(path)
     except Exception as error:  # every store raises its own kinds
         raise UsageError(f"{printable(url)} cannot be listed ({type(error).__name__}: {error})"[:500]) from error
     named = {one[len(base) :].lstrip("/"): one for one in paths}
     images = sorted(images_among(named, SUFFIXES), key=natural_key)
-    return [Source(system.unstrip_protocol(named[name]), name) for name in images]
+    return [InputImage(system.unstrip_protocol(named[name]), name) for name in images]
 
 
-def _expand_pattern(pattern: str, skipped: Counter[str]) -> list[Source]:
+def _expand_pattern(pattern: str, skipped: Counter[str]) -> list[InputImage]:
     base = fixed_folder(pattern)
     if ".." in pattern[len(base) :].split("/"):  # the name of an output would lead out of the output folder
         raise UsageError(f"the pattern {printable(pattern)} has '..' behind a wildcard; write the folder it leads to")
     matches = sorted(glob.iglob(pattern, recursive=True), key=lambda path: natural_key(_relative(path, base)))
     if not matches:
         raise UsageError(f"the pattern {printable(pattern)} matches no file; check the folder it starts in")
-    sources: list[Source] = []
+    sources: list[InputImage] = []
     for match in matches:
         if os.path.isdir(match):
             if "**" not in pattern:  # '**' names the files below as well
                 below = sorted(_walk(match, skipped), key=_source_key)
-                sources += [Source(found.path, _relative(found.path, base), found.problem) for found in below]
+                sources += [InputImage(found.path, _relative(found.path, base), found.problem) for found in below]
         elif (is_film(match) or _is_image_name(os.path.basename(match))) and not _is_output(
             _relative(match, base), base
         ):
-            sources.append(Source(match, _relative(match, base)))
+            sources.append(InputImage(match, _relative(match, base)))
     return sources
 
 
@@ -191,11 +191,11 @@ def _is_image_name(name: str) -> bool:
     return os.path.splitext(name)[1].lower() in SUFFIXES
 
 
-def _source_key(source: Source) -> str:
+def _source_key(source: InputImage) -> str:
     return natural_key(source.name)
 
 
-def _walk(root: str, skipped: Counter[str]) -> Iterator[Source]:
+def _walk(root: str, skipped: Counter[str]) -> Iterator[InputImage]:
     """Images below a folder; every real folder is entered once, first by its own name, then by links to it."""
     visited: set[tuple[int, int] | None] = set()
     folders, links = [(root, "")], list[tuple[str, str]]()
@@ -207,7 +207,7 @@ def _walk(root: str, skipped: Counter[str]) -> Iterator[Source]:
         visited.add(entered)
         entries = _entries(folder)
         if isinstance(entries, str):
-            yield Source(folder, prefix.rstrip("/") or os.path.basename(folder), f"unreadable: {entries}")
+            yield InputImage(folder, prefix.rstrip("/") or os.path.basename(folder), f"unreadable: {entries}")
             continue
         if prefix and any(entry.name == SKIP_FILE for entry in entries):
             continue
@@ -218,7 +218,7 @@ def _walk(root: str, skipped: Counter[str]) -> Iterator[Source]:
             if _is_folder(entry):
                 (links if entry.is_symlink() else folders).append((entry.path, f"{prefix}{entry.name}/"))
             elif _is_image_name(entry.name):
-                yield Source(entry.path, prefix + entry.name)
+                yield InputImage(entry.path, prefix + entry.name)
             elif not (outputs or is_temporary(entry.name)):
                 skipped[os.path.splitext(entry.name)[1].lower()] += 1
 
@@ -250,7 +250,7 @@ def identity(path: str) -> tuple[int, int] | None:
 _LONGEST_LIST = 1 << 32
 
 
-def listed(path: str, *, nul: bool = False) -> list[Source]:
+def sources_of_list(path: str, *, nul: bool = False) -> list[InputImage]:
     """Sources of a list.
 
     Parameters
@@ -281,7 +281,7 @@ def listed(path: str, *, nul: bool = False) -> list[Source]:
     if not paths:
         raise UsageError(f"--list: {printable(path)} names no image; write one path a line")
     names = _list_names(paths)
-    sources = (Source(one, name, place=place) for place, (one, name) in enumerate(zip(paths, names, strict=True)))
+    sources = (InputImage(one, name, place=place) for place, (one, name) in enumerate(zip(paths, names, strict=True)))
     return list({(source.path, source.name): source for source in sources}.values())
 
 

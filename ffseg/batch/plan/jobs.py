@@ -20,8 +20,8 @@ from ffseg.batch.outputs.table import (
 )
 from ffseg.batch.plan.beside import find_domains, find_evidence, find_truths
 from ffseg.batch.plan.discover import discover, identity
-from ffseg.batch.plan.reading import parted, place_of
-from ffseg.batch.plan.sources import Job, Source, film_of, film_stems
+from ffseg.batch.plan.reading import place_of, split_member_path
+from ffseg.batch.plan.sources import InputImage, Job, film_of, film_stems
 from ffseg.errors import OutputError, UsageError
 from ffseg.io.files import SKIP_FILE, is_temporary, make_folder, printable, remove_files, write_bytes_atomic
 from ffseg.io.starts import load_starts
@@ -71,7 +71,7 @@ class Plan:
 
 
 def make_plan(
-    inputs: Sequence[str | Source],
+    inputs: Sequence[str | InputImage],
     out: str,
     *,
     products: Products = MASKS_AND_CONTOURS,
@@ -86,7 +86,7 @@ def make_plan(
 
     Parameters
     ----------
-    inputs : sequence of str or Source
+    inputs : sequence of str or InputImage
         As `discover` takes them.
     truth : str
         Folder or tar file of true masks, or empty.
@@ -103,7 +103,7 @@ def make_plan(
         If an input is missing, two inputs share an output, or an output would replace an input.
     """
     skipped: Counter[str] = Counter()
-    sources = without(discover(inputs, film=film, skipped=skipped), exclude)
+    sources = without_matches(discover(inputs, film=film, skipped=skipped), exclude)
     truths: dict[str, str] = {}
     if truth:
         truths = find_truths(sources, truth)
@@ -114,8 +114,8 @@ def make_plan(
         Job(index, _checked_name(source, stem, products), stem, truths.get(source.name, ""))
         for index, (source, stem) in enumerate(zip(sources, stems, strict=True))
     )
-    asked = tuple(place_of(text) for text in inputs if isinstance(text, str))
-    plan = Plan(out, jobs, products, with_truth=bool(truth), inputs=asked, skipped=tuple(skipped.most_common()))
+    places = tuple(place_of(text) for text in inputs if isinstance(text, str))
+    plan = Plan(out, jobs, products, with_truth=bool(truth), inputs=places, skipped=tuple(skipped.most_common()))
     _refuse_collisions(plan)
     _refuse_outputs_over_inputs(plan)
     return plan
@@ -159,11 +159,11 @@ def with_domains(plan: Plan, folder: str) -> Plan:
     return replace(plan, jobs=tuple(replace(job, domain=masks.get(job.source.name, "")) for job in plan.jobs))
 
 
-def _tried(plan: Plan) -> list[Source]:
+def _tried(plan: Plan) -> list[InputImage]:
     return [job.source for job in plan.jobs if not job.source.problem]
 
 
-def without(sources: Sequence[Source], exclude: Sequence[str]) -> list[Source]:
+def without_matches(sources: Sequence[InputImage], exclude: Sequence[str]) -> list[InputImage]:
     """Sources without those whose name, or a folder or the file in it, matches a pattern."""
     left = [source for source in sources if not any(_matches(source.name, pattern) for pattern in exclude)]
     if sources and not left:
@@ -175,7 +175,7 @@ def _matches(name: str, pattern: str) -> bool:
     return fnmatchcase(name, pattern) or any(fnmatchcase(part, pattern.rstrip("/")) for part in name.split("/"))
 
 
-def _checked_name(source: Source, stem: str, products: Products) -> Source:
+def _checked_name(source: InputImage, stem: str, products: Products) -> InputImage:
     *folders, last = stem.split("/")
     longest = max(len(os.fsencode(part)) for part in (*folders, ""))
     suffix = max(len(kind.suffix) for kind in products.kinds)
@@ -203,14 +203,14 @@ def _refuse_collisions(plan: Plan) -> None:
         taken = next((stem + suffix for suffix in (".png", ".svg") if stem + suffix in folders), None)
         if taken:
             raise UsageError(
-                f"the output {printable(taken)} of {printable(job.source.told)} is also the folder "
+                f"the output {printable(taken)} of {printable(job.source.display_path)} is also the folder "
                 "of other outputs; rename the image or the folder"
             )
 
 
 def _shared(jobs: Sequence[Job]) -> str:
     """Sentence about images that would share an output."""
-    *others, last = (printable(job.source.told) for job in jobs)
+    *others, last = (printable(job.source.display_path) for job in jobs)
     remedy = "rename all but one, or use several output folders"
     if len({job.source.name for job in jobs}) == len(jobs):
         remedy += "; 'ffseg run' also has --keep-suffix"
@@ -236,7 +236,7 @@ def _ignores_case(folder: str) -> bool:
 
 def _refuse_outputs_over_inputs(plan: Plan) -> None:
     read = {path for job in plan.jobs for path in (job.source.path, job.truth, job.evidence, job.domain)}
-    inputs = {identity(file) for file in {parted(path)[0] for path in read - {""}}} - {None}
+    inputs = {identity(file) for file in {split_member_path(path)[0] for path in read - {""}}} - {None}
     for path in _written(plan):
         if identity(path) in inputs:
             raise UsageError(f"the output {printable(path)} would replace an input image; choose another output folder")

@@ -23,7 +23,7 @@ def member_path(archive: str, name: str, span: Span) -> str:
     return f"{archive}/{name}#{span[0]}+{span[1]}"
 
 
-def parted(path: str) -> tuple[str, str, Span | None]:
+def split_member_path(path: str) -> tuple[str, str, Span | None]:
     """File that a path leads to, and name and span of the member it stands for; the name is empty for a whole file."""
     found = _MEMBER.fullmatch(path)
     if found is None:
@@ -38,9 +38,9 @@ def parted(path: str) -> tuple[str, str, Span | None]:
     return path, "", None
 
 
-def told(path: str) -> str:
+def display_path(path: str) -> str:
     """A path as people know it."""
-    file, name, _ = parted(path)
+    file, name, _ = split_member_path(path)
     return f"{file}/{name}" if name else file
 
 
@@ -49,7 +49,7 @@ def read_input(path: str, max_bytes: int, span: Span | None = None, *, redirects
     if is_remote(path):
         return read_remote(path, max_bytes, redirects=redirects)
     if span is None:
-        path, _, span = parted(path)
+        path, _, span = split_member_path(path)
     if span is None:
         return read_bytes(path, max_bytes)
     if in_bag(path):

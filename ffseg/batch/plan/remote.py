@@ -98,19 +98,19 @@ def _open_http(url: str, *, redirects: bool) -> Any:  # noqa: ANN401 - the answe
     from urllib.request import HTTPRedirectHandler, Request, build_opener
 
     class Redirects(HTTPRedirectHandler):
-        def redirect_request(self, *asked: Any) -> Request | None:  # noqa: ANN401 - see urllib
-            request, target = asked[0], asked[-1]
+        def redirect_request(self, *arguments: Any) -> Request | None:  # noqa: ANN401 - see urllib
+            request, target = arguments[0], arguments[-1]
             if not redirects and urlsplit(target).hostname != urlsplit(request.full_url).hostname:
-                asked[1].close()
+                arguments[1].close()
                 raise _OtherHostError(target)
-            return super().redirect_request(*asked)
+            return super().redirect_request(*arguments)
 
     parts = urlsplit(url)
     account, _, place = parts.netloc.rpartition("@")
     request = Request(parts._replace(netloc=place).geturl(), headers={"User-Agent": "ffseg"})  # noqa: S310 - http only
     if account:
-        said = base64.b64encode(unquote(account).encode()).decode("ascii")
-        request.add_unredirected_header("Authorization", f"Basic {said}")
+        credentials = base64.b64encode(unquote(account).encode()).decode("ascii")
+        request.add_unredirected_header("Authorization", f"Basic {credentials}")
     try:
         return build_opener(Redirects).open(request, timeout=_PATIENCE)
     except HTTPError as error:

@@ -27,7 +27,7 @@ _DIGITS = re.compile(r"[0-9]+")
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class InputImage:
     """One input image."""
 
     path: str
@@ -51,7 +51,7 @@ class Source:
         return self.path if self.span is None else member_path(self.path, self.name, self.span)
 
     @property
-    def told(self) -> str:
+    def display_path(self) -> str:
         """The path as people know it: that of a member stands behind its archive's."""
         return self.path if self.span is None else f"{self.path}/{self.name}"
 
@@ -62,7 +62,7 @@ class Job:
 
     index: int
     """Place in the input order."""
-    source: Source
+    source: InputImage
     stem: str
     """Name of its outputs below ``masks/`` and so on, without the suffix."""
     truth: str = ""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.batch.outputs.table import FILM_KINDS
-from ffseg.batch.plan.reading import parted, read_input
+from ffseg.batch.plan.reading import read_input, split_member_path
 from ffseg.batch.plan.sources import film_of, film_stems
 from ffseg.batch.tar.members import output_bytes
 from ffseg.batch.values import Record
@@ -54,17 +54,19 @@ def read_film_kinds(text: str) -> tuple[str, ...]:
     return kinds
 
 
-def write_films(out: str, kinds: Sequence[str], standing: Records, tell: Callable[[str], None]) -> list[str]:
+def write_films(out: str, kinds: Sequence[str], survey: Records, tell: Callable[[str], None]) -> list[str]:
     """Write the films of all images that stand; `tell` hears of each that cannot be written. Gives their names."""
     written: list[str] = []
-    films = film_stems(record.name for record in standing.records() if record.outputs) if kinds else {}
+    films = film_stems(record.name for record in survey.records() if record.outputs) if kinds else {}
     inputs = (
-        {os.path.realpath(parted(record.files["image"][0])[0]) for record in standing.records()} if films else set()
+        {os.path.realpath(split_member_path(record.files["image"][0])[0]) for record in survey.records()}
+        if films
+        else set()
     )
     for film, stem in films.items():
         for kind in kinds:
             name = f"{stem}_{kind}.{FILM_KINDS[kind]}"
-            frames = (record for record in standing.records() if film_of(record.name) == film)
+            frames = (record for record in survey.records() if film_of(record.name) == film)
             try:
                 if os.path.realpath(os.path.join(out, name)) in inputs:
                     raise OutputError(

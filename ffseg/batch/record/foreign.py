@@ -40,8 +40,8 @@ def refuse_foreign(plan: Plan, setup: Setup, options: Options) -> None:
     """
     every = {TIMINGS, RUN, *((REPORT,) if options.report else ())}
     each = (path for job in plan.jobs if not (plan.tars or job.source.problem) for path in plan.outputs(job))
-    wanted = chain(sorted(every | joint_files(plan, setup, options)), each)
-    there = [path for path in wanted if os.path.lexists(os.path.join(plan.out, path))]
+    outputs = chain(sorted(every | joint_files(plan, setup, options)), each)
+    there = [path for path in outputs if os.path.lexists(os.path.join(plan.out, path))]
     made = _made(plan.out) if there else None
     foreign = next((path for path in there if made is not None and path not in made), "")
     if foreign:

@@ -153,7 +153,7 @@ class Keeper:
         if isinstance(reply, Failed):
             reason, message = reply.reason, reply.message
             if reply.traceback:
-                self._log(f"{printable(job.source.told)}\n{reason}: {message}\n{reply.traceback}\n")
+                self._log(f"{printable(job.source.display_path)}\n{reason}: {message}\n{reply.traceback}\n")
                 message += f"; see {os.path.relpath(self._log_path, self.plan.out)} in the output folder"
         else:
             reason, message = "output", problem
@@ -192,7 +192,7 @@ class Keeper:
             self.tell(str(error))
 
 
-def kept(
+def open_keeper(
     plan: Plan, header: Mapping[str, Any], method: str, tell: Callable[[str], None], joint: Iterable[str]
 ) -> Keeper:
     """A keeper of a plan's outputs, and of files for all images, which takes over the journal of an earlier run."""

@@ -28,7 +28,7 @@ class Stop(Protocol):
 class Observer(Protocol):
     """Hears of the progress of a run."""
 
-    def finished(self, job: Job, status: str, told: str) -> None:
+    def finished(self, job: Job, status: str, note: str) -> None:
         """An image ended as ``ok``, ``unchanged`` (done before) or ``failed``; what there is to tell of it."""
 
     def note(self, text: str) -> None:
@@ -86,7 +86,7 @@ class Ledger:
         status = "unchanged" if unchanged else record.status
         name = "done" if status == "ok" else status
         setattr(self.summary, name, getattr(self.summary, name) + 1)
-        note = reply.told if isinstance(reply, Done) else ""
+        note = reply.note if isinstance(reply, Done) else ""
         self._observer.finished(self._plan.jobs[reply.index], status, record.row["error"] or note)
 
     def problem(self, text: str) -> None:

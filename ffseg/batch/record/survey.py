@@ -10,7 +10,7 @@ from itertools import chain
 
 from ffseg import __version__
 from ffseg.batch.plan.jobs import Plan
-from ffseg.batch.plan.reading import parted
+from ffseg.batch.plan.reading import split_member_path
 from ffseg.batch.record.journal import Journal
 from ffseg.batch.record.keeper import retire
 from ffseg.batch.record.tables import Records
@@ -26,7 +26,7 @@ def stale_reason(record: Record, out: str, settings: str) -> str:
     if record.version != __version__:
         return f"made by ffseg {record.version}"
     image = record.files.get("image", ("",))[0]
-    changed = still_true(record.files) or ("" if record.made or os.path.isfile(parted(image)[0]) else image)
+    changed = still_true(record.files) or ("" if record.made or os.path.isfile(split_member_path(image)[0]) else image)
     if changed:
         return f"{changed} has changed or is gone"
     outputs = record.outputs.items()
@@ -89,7 +89,7 @@ def survey(journal: Journal, plan: Plan, settings: str, finished: bytearray) -> 
 def _is_gone(record: Record) -> bool:
     """Whether an image has been renamed, removed or changed, as far as its folder is there to tell."""
     image = record.files.get("image", ("",))[0]
-    return bool(still_true(record.files)) and os.path.isdir(os.path.dirname(parted(image)[0]) or ".")
+    return bool(still_true(record.files)) and os.path.isdir(os.path.dirname(split_member_path(image)[0]) or ".")
 
 
 def tidy(journal: Journal, plan: Plan, settings: str) -> int:

@@ -139,10 +139,10 @@ class Tables:
         ]
 
     def _obstacles(self) -> Iterator[list[Any]]:
-        from ffseg.freespace.tracks import numbered
+        from ffseg.freespace.tracks import with_track_numbers
 
         lines = {printable(record.name): record.extra for record in self.survey.records()}
-        found = numbered(map(printable, in_time(self.survey.records())), lines)
+        found = with_track_numbers(map(printable, in_time(self.survey.records())), lines)
         for name in lines:
             yield from ([name, *(line.get(column) for column in OBSTACLE_COLUMNS[1:])] for line in found[name])
 

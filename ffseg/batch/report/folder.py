@@ -105,9 +105,9 @@ def read_folder(path: Path, inputs: Sequence[str] = ()) -> OutputFolder:
     if os.path.isfile(path / "obstacles.csv"):
         for row in _table(path / "obstacles.csv"):
             verdicts.setdefault(row.get("image", ""), []).append(row)
-    said = run.get("inputs")
+    stored = run.get("inputs")
     places = inputs or [
-        text for text in islice(said if isinstance(said, list) else (), MAX_INPUTS) if type(text) is str
+        text for text in islice(stored if isinstance(stored, list) else (), MAX_INPUTS) if type(text) is str
     ]
     return OutputFolder(path, kind, _table(path / TABLES[kind]), run, verdicts, places)
 

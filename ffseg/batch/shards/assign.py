@@ -61,7 +61,7 @@ def number_of(name: str, count: int) -> int:
     return int.from_bytes(data, "big") % count + 1
 
 
-def only(plan: Plan, shard: Shard) -> Plan:
+def shard_plan(plan: Plan, shard: Shard) -> Plan:
     """The part of a plan that is a shard's; predecessors and starts are those of the whole."""
     jobs = [job for job in plan.jobs if number_of(job.source.name, shard.count) == shard.number]
     numbered = tuple(replace(job, index=index) for index, job in enumerate(jobs))

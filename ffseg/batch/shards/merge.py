@@ -117,7 +117,7 @@ def merge_shards(out: str, *, parquet: bool = False) -> Merge:
         tables_known = sorted({*before, *asked, *((PARQUET,) if parquet else ())})
         packs = {part.folder: packs_of(part.folder) for part in there}
         records = MergedRecords(os.path.join(state, JOURNAL))
-        lines = chosen(last_lines(_all_lines(state, there), state), out, header["settings"])
+        lines = chosen_record(last_lines(_all_lines(state, there), state), out, header["settings"])
         first = {**header, "format": FORMAT, "tables": tables_known}
         if header.get("pack"):
             tars = _write_packed(merge, records, first, lines)
@@ -313,7 +313,7 @@ def last_lines(lines: Iterable[tuple[bytes, int, bytes]], folder: str) -> Iterat
         remove_files([path])
 
 
-def chosen(lines: Iterable[tuple[bytes, bytes]], out: str, settings: str) -> Iterator[tuple[Record, bytes]]:
+def chosen_record(lines: Iterable[tuple[bytes, bytes]], out: str, settings: str) -> Iterator[tuple[Record, bytes]]:
     """Of the folder's own line and the shards' line of each image the one that counts, if it is a record.
 
     A record of the folder's own journal stays only where it is still true, and no shard knows the image or one has found

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from ffseg.batch.views import Views
+from ffseg.batch.views import CameraSetup
 from ffseg.errors import ImageReadError
 from ffseg.freespace.leans import lean_of
 from ffseg.freespace.sequence import Frame, segment_frame
 from ffseg.freespace.sightings import sigmas_of
-from ffseg.freespace.window import FIRST_IMAGE, NOTHING_ENCLOSED, Earlier
+from ffseg.freespace.window import FIRST_IMAGE, NOTHING_ENCLOSED, EarlierImage
 from ffseg.io.exports import run_lengths
 from ffseg.io.files import printable
 from ffseg.io.images import Limits, decode_image
@@ -28,10 +28,10 @@ _KINDS: dict[str, Kind] = {"obstacle": "obstacle", "false_obstacle": "false", "u
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Before:
+class EarlierImages:
     """The images before an image: where their camera stood, and what can be read of them."""
 
-    views: Views
+    views: CameraSetup
     name: str
     """Of the image itself."""
     data: Sequence[bytes]
@@ -55,19 +55,19 @@ class Before:
         """
         found = (self._image(place, scene.params.input.range) for place in range(len(self.data)))
         nearest = next(found, "")
-        earlier = [nearest] if isinstance(nearest, Earlier) else []
-        farther = (view for view in found if isinstance(view, Earlier))
+        earlier = [nearest] if isinstance(nearest, EarlierImage) else []
+        farther = (view for view in found if isinstance(view, EarlierImage))
         frame = segment_frame(scene, chain(earlier, farther), self.views.camera, mapped=mapped)
         unposed = " and ".join(map(printable, self.views.unposed(self.name)))
         frame = replace(frame, note=f"no pose of {unposed}; {frame.note}") if unposed else frame
         if earlier or not self.data:
             return frame
-        said = f"{printable(self.views.chain(self.name)[0])} cannot be used: {nearest}"
+        problem = f"{printable(self.views.chain(self.name)[0])} cannot be used: {nearest}"
         if frame.note == FIRST_IMAGE:
-            return replace(frame, note=f"the previous image {said}; nothing was tested")
-        return replace(frame, note=f"{frame.note}; the image before, {said}")
+            return replace(frame, note=f"the previous image {problem}; nothing was tested")
+        return replace(frame, note=f"{frame.note}; the image before, {problem}")
 
-    def _image(self, place: int, levels: Levels) -> Earlier | str:
+    def _image(self, place: int, levels: Levels) -> EarlierImage | str:
         camera, before = self.views.camera, self.views.chain(self.name)[place]
         try:
             image = decode_image(self.data[place], self.limits, levels)
@@ -75,7 +75,7 @@ class Before:
             return str(error)
         if image.shape[:2] != (camera.height, camera.width):
             return f"it is {image.shape[1]}x{image.shape[0]}, the camera file says {camera.width}x{camera.height}"
-        return Earlier(image, self.views.poses_of(before, self.name), printable(before))
+        return EarlierImage(image, self.views.poses_of(before, self.name), printable(before))
 
 
 def merged_segmentation(frame: Frame) -> Segmentation:
@@ -110,17 +110,17 @@ def _cell(value: float, digits: int) -> float | str:
     return round(value, digits) if math.isfinite(value) else ""
 
 
-def stood(frame: Frame) -> dict[str, Any]:
+def camera_state(frame: Frame) -> dict[str, Any]:
     """How the camera stood at an image, how it moved since earlier ones, and what of its view was left out, for the map."""
     moved = [[link.name, *link.planar, *link.nod] for link in frame.links]
     seen = lean_of(frame.lens, frame.camera, frame.motion)
     lean = None if seen is None else [seen.x, seen.y, seen.sigma, seen.nod_sigma]
     up = frame.standing().up.tolist()
-    told = {"up": up, "moved": moved, "sigmas": [float(one) for one in sigmas_of(frame)], "lean": lean}
-    told |= {"contradicted": True} if frame.contradicted else {}
+    state = {"up": up, "moved": moved, "sigmas": [float(one) for one in sigmas_of(frame)], "lean": lean}
+    state |= {"contradicted": True} if frame.contradicted else {}
     if frame.lens is None or frame.domain is None:
-        return told
-    return told | {"left_out": run_lengths(frame.lens.domain() & ~frame.domain)}
+        return state
+    return state | {"left_out": run_lengths(frame.lens.domain() & ~frame.domain)}
 
 
 def pair_state(frame: Frame) -> str:

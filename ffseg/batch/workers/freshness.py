@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ffseg.batch.plan.reading import parted, place_of, read_input, told
+from ffseg.batch.plan.reading import display_path, place_of, read_input, split_member_path
 from ffseg.batch.tar.members import Member, digest, output_digest
 from ffseg.batch.tar.writer import head, head_size
 from ffseg.batch.values import File, Mark, Record
@@ -25,14 +25,14 @@ _MOST_BYTES = 1 << 40
 def mark_of(path: str) -> Mark:
     """Size and time of change of a file, for a member of its archive; (-1, -1) when it is not there."""
     try:
-        status = os.stat(parted(path)[0])
+        status = os.stat(split_member_path(path)[0])
     except (OSError, ValueError):
         return (-1, -1)
     return status.st_size, status.st_mtime_ns
 
 
 @dataclass(frozen=True, slots=True)
-class Read:
+class JobFiles:
     """The files of a job, read once."""
 
     data: bytes
@@ -44,7 +44,7 @@ class Read:
     """Why the true mask cannot be used."""
 
 
-def read_job(job: Job, setup: Setup) -> Read:
+def read_job(job: Job, setup: Setup) -> JobFiles:
     """Read the files of a job and digest them."""
     # Frames of a film are read in rising order.
     earlier = [_optional(path, setup.max_bytes) for path in reversed(job.earlier)][::-1]
@@ -69,7 +69,7 @@ def read_job(job: Job, setup: Setup) -> Read:
             truth = _truth(job.truth, setup, files)
         except ImageReadError as error:
             truth, problem = f"unreadable {error.reason}", f"truth: {error}"
-    return Read(data, before, Digests(" ".join(content), truth, files), problem)
+    return JobFiles(data, before, Digests(" ".join(content), truth, files), problem)
 
 
 def _optional(path: str, max_bytes: int) -> tuple[bytes, File]:
@@ -87,13 +87,13 @@ def _truth(path: str, setup: Setup, files: dict[str, File]) -> str:
     try:
         found = digest(read_input(path, setup.max_bytes))
     except ImageReadError as error:
-        text = f"the true mask {printable(told(path))} cannot be used: {error.reason}: {error}"
+        text = f"the true mask {printable(display_path(path))} cannot be used: {error.reason}: {error}"
         raise ImageReadError("truth", text) from error
     files["truth"] = (place_of(path), found, mark)
     return found + ("" if setup.truth_label is None else f" label {setup.truth_label}")
 
 
-def kept_outputs(record: Record | None, read: Read, out: str) -> tuple[str, ...] | None:
+def kept_outputs(record: Record | None, read: JobFiles, out: str) -> tuple[str, ...] | None:
     """Recorded outputs that are there with the content they were given; None when they were made from other files."""
     if record is None or record.content != read.digests.content:
         return None
@@ -126,17 +126,17 @@ def still_true(files: Mapping[str, File]) -> str:
     return next((file[0] for role, file in files.items() if role != "truth" and not unchanged(*file)), "")
 
 
-def unchanged(path: str, wanted: str, mark: Mark) -> bool:
+def unchanged(path: str, digest: str, mark: Mark) -> bool:
     """Whether a file has the content it had: told by its mark, else by reading it."""
     now = mark_of(path)
     if now == (-1, -1):
         return mark == now
-    return now == mark or _content_digest(path) == wanted
+    return now == mark or _content_digest(path) == digest
 
 
 def _content_digest(path: str) -> str:
     """Digest of a file or member; empty when it cannot be read."""
-    if parted(path)[2] is None:
+    if split_member_path(path)[2] is None:
         return output_digest("", path)
     try:
         return digest(read_input(path, _MOST_BYTES))

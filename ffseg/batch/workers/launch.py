@@ -180,10 +180,10 @@ _early: list[Process] = []
 
 
 def launch_early() -> None:
-    """Start a process now that the next `take` hands out; the command line calls this before it loads itself."""
+    """Start a process now that the next `take_process` hands out; the command line calls this before it loads itself."""
     _early.append(launch())
 
 
-def take() -> Process:
+def take_process() -> Process:
     """Process that was started early, or a new one."""
     return _early.pop() if _early else launch()

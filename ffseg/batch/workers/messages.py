@@ -16,7 +16,7 @@ from ffseg.parameters import Parameters
 if TYPE_CHECKING:
     from ffseg.batch.plan.sources import Job
     from ffseg.batch.values import File, Record
-    from ffseg.batch.views import Views
+    from ffseg.batch.views import CameraSetup
 
 _LENGTH_BYTES = 8
 PIECE = 1 << 16
@@ -30,7 +30,7 @@ class Setup:
     params: Parameters
     segmenter: str = "ffseg.pipeline:segment"
     """Function that segments, as ``module:name``, called like `ffseg.segment`; not used with `views`."""
-    views: Views | None = None
+    views: CameraSetup | None = None
     """Camera, poses and pairs, when components are to be tested on pairs of images."""
     products: Products = MASKS_AND_CONTOURS
     max_pixels: int = 100_000_000
@@ -128,7 +128,7 @@ class Done:
     """``reason: text`` when the image counts as failed although its outputs are right: of its true mask."""
     unchanged: bool = False
     """Nothing was made: the recorded outputs are right, and the row has what is new."""
-    told: str = ""
+    note: str = ""
     """What is said of it on the terminal: its note, without what came of comparing it with the images before."""
 
 
@@ -152,7 +152,7 @@ def send(descriptor: int, message: object) -> None:
     write_fully(descriptor, len(data).to_bytes(_LENGTH_BYTES, "little") + data)
 
 
-def received(descriptor: int) -> Iterator[Any]:
+def received_messages(descriptor: int) -> Iterator[Any]:
     """Messages from a pipe, until it ends."""
     inbox = Inbox()
     while piece := os.read(descriptor, PIECE):

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.batch.tar.members import digest
-from ffseg.batch.workers.freshness import Read
+from ffseg.batch.workers.freshness import JobFiles
 from ffseg.batch.workers.messages import Done, Failed, Reply, Task
 from ffseg.errors import ImageReadError
-from ffseg.image.flow import carried, start_in, steadied
+from ffseg.image.flow import start_in, steadied_region, warped_region
 from ffseg.io.files import read_bytes
 from ffseg.io.images import Limits, decode_image
 from ffseg.io.masks import decode_mask
@@ -21,7 +21,7 @@ from ffseg.result import Segmentation
 
 
 @dataclass(slots=True, eq=False)
-class Past:
+class PastFrame:
     """What a worker remembers of the frame it has done last; else its mask is read from the output folder."""
 
     steady: bool
@@ -30,13 +30,13 @@ class Past:
     _last: tuple[str, bytes | None] = ("", None)
     _region: NDArray[np.bool_] | None = None
 
-    def known(self, task: Task, read: Read) -> Read:
+    def known(self, task: Task, read: JobFiles) -> JobFiles:
         """What went into a frame, with the frame before and its mask."""
         seen = "".join(map(digest, (*read.before, self._mask(task))))
         content = f"{read.digests.content} past {digest(seen.encode('ascii'))}"
         return replace(read, digests=replace(read.digests, content=content))
 
-    def look(self, image: NDArray[np.uint8], task: Task, read: Read) -> None:
+    def look(self, image: NDArray[np.uint8], task: Task, read: JobFiles) -> None:
         """Carry the region of the frame before to this one; there is none where one of them could not be read."""
         mask, before = self._mask(task), next(iter(read.before), b"")
         last = (decode_image(before, self.limits), decode_mask(mask, self.limits)) if mask and before else None
@@ -45,7 +45,7 @@ class Past:
     def carry(self, last: tuple[NDArray[np.uint8], NDArray[np.bool_]] | None, image: NDArray[np.uint8]) -> None:
         """Carry the region of the frame before, given with its image, to this one."""
         fits = last is not None and last[0].shape == image.shape
-        self._region = carried(last[0], image, last[1]) if last is not None and fits else None
+        self._region = warped_region(last[0], image, last[1]) if last is not None and fits else None
 
     def start(self, params: Parameters, shape: tuple[int, ...]) -> Parameters:
         """The parameters with the start moved into the carried region, where there is but one and it is not this frame's own."""
@@ -62,7 +62,7 @@ class Past:
             return found, {}
         kept, cells = found, {}
         if self.steady:
-            mask = steadied(found.mask, self._region)
+            mask = steadied_region(found.mask, self._region)
             moved = int(np.count_nonzero(mask != found.mask))
             kept = replace(found, mask=mask, contours=outlines_of(mask)) if moved else found
             cells = {"steady_px": moved}

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.batch.plan.beside import ARRAY_SUFFIX
-from ffseg.batch.plan.reading import read_input, told
-from ffseg.batch.plan.sources import Source
+from ffseg.batch.plan.reading import display_path, read_input
+from ffseg.batch.plan.sources import InputImage
 from ffseg.errors import ImageReadError
 from ffseg.io.files import printable
 from ffseg.io.images import Limits, decode_image
@@ -29,7 +29,7 @@ _WHITE = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65535.0}
 """What stands for one in whole numbers."""
 
 
-def read_source(source: Source, levels: Levels = "auto") -> NDArray[np.uint8]:
+def read_source(source: InputImage, levels: Levels = "auto") -> NDArray[np.uint8]:
     """Image of a source, shape (H, W) for grey or (H, W, 3) in BGR order.
 
     Raises
@@ -40,7 +40,7 @@ def read_source(source: Source, levels: Levels = "auto") -> NDArray[np.uint8]:
     try:
         return decode_image(read_input(source.path, Limits().max_bytes, source.span), None, levels)
     except ImageReadError as error:
-        raise ImageReadError(error.reason, f"{printable(told(source.content))}: {error}") from None
+        raise ImageReadError(error.reason, f"{printable(display_path(source.content))}: {error}") from None
 
 
 def read_evidence(path: str, limits: Limits | None = None) -> NDArray[np.float32]:
@@ -61,7 +61,7 @@ def read_evidence(path: str, limits: Limits | None = None) -> NDArray[np.float32
     ImageReadError
         With the reason ``evidence``, naming the file.
     """
-    limits, name = limits or Limits(), told(path)
+    limits, name = limits or Limits(), display_path(path)
     try:
         data = read_input(path, limits.max_bytes)
         if name.lower().endswith(ARRAY_SUFFIX):
@@ -124,7 +124,7 @@ def read_truth(
         With the reason ``truth``, naming the file: it cannot be read, has another size, no pixel that counts, or
         numbers whose meaning is not known.
     """
-    name, limits = printable(told(path)), limits or Limits()
+    name, limits = printable(display_path(path)), limits or Limits()
     try:
         data = read_input(path, limits.max_bytes)
         labels = decode_labels(data, limits)

@@ -32,11 +32,11 @@ def main(tasks: int, replies: int, parent: int) -> None:
     _keep_memory()
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its threads would be started and never used
-    from ffseg.batch.workers.messages import Ready, Refused, received, send
+    from ffseg.batch.workers.messages import Ready, Refused, received_messages, send
     from ffseg.batch.workers.work import Workbench
     from ffseg.errors import FfsegError
 
-    messages = received(tasks)
+    messages = received_messages(tasks)
     setup = next(messages, None)
     if setup is None:
         return

@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg import __version__
-from ffseg.batch.outputs.encoding import Context, Film, encoded
+from ffseg.batch.outputs.encoding import Context, SnapshotRecorder, encoded_output
 from ffseg.batch.outputs.table import Output
 from ffseg.batch.tar.members import digest, output_bytes
-from ffseg.batch.workers.freshness import Read, kept_outputs, read_job
+from ffseg.batch.workers.freshness import JobFiles, kept_outputs, read_job
 from ffseg.batch.workers.messages import Done, Encoded, Failed, Reply, Setup, Task
 from ffseg.errors import FfsegError, ImageReadError, is_out_of_memory
-from ffseg.image.selection import counted
+from ffseg.image.selection import count_regions
 from ffseg.io.images import OPENCV_VERSION, Limits, read_picture, single_thread
 from ffseg.io.masks import decode_mask, named_masks
 from ffseg.io.overlays import FLATNESS, polylines
@@ -31,7 +31,7 @@ from ffseg.scene import Scene
 if TYPE_CHECKING:
     from ffseg.batch.plan.sources import Job
     from ffseg.batch.values import Record
-    from ffseg.batch.workers.past import Past
+    from ffseg.batch.workers.past import PastFrame
 
 
 class Workbench:
@@ -43,11 +43,11 @@ class Workbench:
         self._setup = setup
         self._limits = Limits(setup.max_bytes, setup.max_pixels)
         self._masks = named_masks(setup.params, self._limits)
-        self._past: Past | None = None
+        self._past: PastFrame | None = None
         if setup.past:
-            from ffseg.batch.workers.past import Past
+            from ffseg.batch.workers.past import PastFrame
 
-            self._past = Past(setup.past == "steady", self._limits)
+            self._past = PastFrame(setup.past == "steady", self._limits)
         if setup.views is not None:
             import ffseg.batch.workers.frames  # noqa: F401 - what only cameras need, and no image waits for
 
@@ -85,13 +85,13 @@ class Workbench:
         begin, job = perf_counter(), task.job
         read = read_job(job, self._setup)
         read = self._past.known(task, read) if self._past is not None else read
-        standing = kept_outputs(task.recorded, read, task.out)
-        kept = standing or ()
+        still_there = kept_outputs(task.recorded, read, task.out)
+        kept = still_there or ()
         kinds = zip(task.outputs, self._setup.products.kinds, strict=True)
         missing = [(path, kind) for path, kind in kinds if path not in kept]
-        if task.recorded is not None and standing is not None and not missing:
+        if task.recorded is not None and still_there is not None and not missing:
             return self._unchanged(task, task.recorded, read, kept)
-        image, told = read_picture(read.data, self._limits, self._setup.params.input.range)
+        image, note = read_picture(read.data, self._limits, self._setup.params.input.range)
         decoded = perf_counter()
         if self._past is not None:
             self._past.look(image, task, read)
@@ -101,16 +101,16 @@ class Workbench:
         outputs = tuple(_encoded(found, task.out, missing))
         result = found.result
         row = _row(image, result, self._setup.params.method) | found.row | _start_cells(params, job)
-        told = "; ".join(filter(None, (told, *result.messages)))
-        row["note"] = "; ".join(filter(None, (told, row.get("note"))))
+        note = "; ".join(filter(None, (note, *result.messages)))
+        row["note"] = "; ".join(filter(None, (note, row.get("note"))))
         overlap, problem = self._iou(result.mask, job, read)
         row |= {"iou": overlap} if job.truth else {}
         end = perf_counter()
         row |= {"decode_ms": (decoded - begin) * 1e3, "write_ms": (end - segmented) * 1e3}
         row["total_ms"] = (end - begin) * 1e3
-        return Done(job.index, row, read.digests, outputs, kept, found.extra, problem, told=told)
+        return Done(job.index, row, read.digests, outputs, kept, found.extra, problem, note=note)
 
-    def _unchanged(self, task: Task, recorded: Record, read: Read, kept: tuple[str, ...]) -> Done:
+    def _unchanged(self, task: Task, recorded: Record, read: JobFiles, kept: tuple[str, ...]) -> Done:
         """The reply for an image that need not be segmented; the mask on the disk is enough to measure its IoU."""
         row: dict[str, Any] = {}
         problem = recorded.row["error"] if task.job.truth else ""
@@ -119,11 +119,11 @@ class Workbench:
             row["iou"], problem = self._iou(decode_mask(data, self._limits), task.job, read)
         return Done(task.job.index, row, read.digests, (), kept, problem=problem, unchanged=True)
 
-    def _found(self, image: NDArray[np.uint8], before: list[bytes], job: Job, params: Parameters) -> _Found:
+    def _found(self, image: NDArray[np.uint8], before: list[bytes], job: Job, params: Parameters) -> _JobResult:
         products, views, source = self._setup.products, self._setup.views, job.source
-        film = Film() if products.animation else None
+        film = SnapshotRecorder() if products.animation else None
         scene = Scene(image, params, callback=film, **self._masks.within(job.domain, self._limits).bounds)
-        context = Context(image, source.name, source.told, label=self._setup.params.region.label)
+        context = Context(image, source.name, source.display_path, label=self._setup.params.region.label)
         context = context if film is None else replace(context, snapshots=film.snapshots)
         if views is None:
             if job.evidence:
@@ -132,32 +132,34 @@ class Workbench:
                 scene = replace(scene, evidence=read_evidence(job.evidence, self._limits))
             result = self._segment(scene)
             result, cells = self._past.result(result) if self._past is not None else (result, {})
-            return _Found(result, replace(context, lines=polylines(result.contours) if products.overlay else ()), cells)
+            return _JobResult(
+                result, replace(context, lines=polylines(result.contours) if products.overlay else ()), cells
+            )
         from ffseg.batch.workers.frames import (
-            Before,
+            EarlierImages,
+            camera_state,
             evidence_lines,
             merged_segmentation,
             obstacle_rows,
             overlay_lines,
             pair_state,
-            stood,
         )
 
-        frame = Before(views, source.name, before, self._limits).frame(scene, mapped=products.metric)
+        frame = EarlierImages(views, source.name, before, self._limits).frame(scene, mapped=products.metric)
         lines = overlay_lines(frame, FLATNESS) if products.overlay else []
         if products.overlay and params.obstacles.draw:
             lines += evidence_lines(frame)
         row = {"obstacles_ms": frame.obstacles_ms, "note": frame.note, "pair": pair_state(frame)}
         context = replace(context, lines=lines)
         if products.metric:
-            context = replace(context, ground=frame.ground(), stood=stood(frame))
-        return _Found(merged_segmentation(frame), context, row, obstacle_rows(frame))
+            context = replace(context, ground=frame.ground(), camera=camera_state(frame))
+        return _JobResult(merged_segmentation(frame), context, row, obstacle_rows(frame))
 
     def _params(self, job: Job, shape: tuple[int, ...]) -> Parameters:
         params = self._setup.params if job.start is None else job.start.placed(self._setup.params, shape)
         return params if self._past is None else self._past.start(params, shape)
 
-    def _iou(self, mask: NDArray[np.bool_], job: Job, read: Read) -> tuple[float | None, str]:
+    def _iou(self, mask: NDArray[np.bool_], job: Job, read: JobFiles) -> tuple[float | None, str]:
         """Overlap with the true mask, if there is one, and what is wrong with it."""
         if not job.truth or read.truth_problem:
             return None, read.truth_problem
@@ -172,7 +174,7 @@ class Workbench:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Found:
+class _JobResult:
     """A result, what its outputs are made from beside it, and what a camera or the past adds to its rows."""
 
     result: Segmentation
@@ -181,9 +183,9 @@ class _Found:
     extra: list[dict[str, Any]] = field(default_factory=list)
 
 
-def _encoded(found: _Found, out: str, outputs: Sequence[tuple[str, Output]]) -> Iterator[Encoded]:
+def _encoded(found: _JobResult, out: str, outputs: Sequence[tuple[str, Output]]) -> Iterator[Encoded]:
     for path, kind in outputs:
-        data = encoded(kind, found.result, replace(found.context, target=os.path.join(out, path)))
+        data = encoded_output(kind, found.result, replace(found.context, target=os.path.join(out, path)))
         yield Encoded(path, data, digest(data))
 
 
@@ -199,7 +201,7 @@ _COUNTS = ("initial_points", "final_points", "patches", "iterations", "splits", 
 
 
 def _row(image: NDArray[np.uint8], result: Segmentation, method: str) -> dict[str, Any]:
-    stats, (regions, holes) = result.stats, counted(result.mask)
+    stats, (regions, holes) = result.stats, count_regions(result.mask)
     return {
         "width": image.shape[1],
         "height": image.shape[0],

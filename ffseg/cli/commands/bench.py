@@ -12,7 +12,7 @@ from ffseg.cli import completion, console
 from ffseg.cli.checks import folder, number
 
 if TYPE_CHECKING:
-    from ffseg.bench.session import Outcome
+    from ffseg.bench.session import Measurements
 
 
 def bench(  # noqa: PLR0913 - the options of the command
@@ -52,13 +52,13 @@ def bench(  # noqa: PLR0913 - the options of the command
     Exit code: 2 nothing was measured; 3 a suite failed, or a table could not be written; 4 a figure missed the baseline.
     """
     from ffseg.bench.gate import read_baseline
-    from ffseg.bench.measure import Order
+    from ffseg.bench.measure import Schedule
     from ffseg.bench.session import check, run_bench
     from ffseg.io.files import make_folder
     from ffseg.plugins import methods_named
 
     known = read_baseline(baseline, max_ratio, quick=quick) if baseline else None
-    order = Order(suite or (), repeat, budget, images, quick, methods_named(methods))
+    order = Schedule(suite or (), repeat, budget, images, quick, methods_named(methods))
     check(order)
     make_folder(out)
     outcome = run_bench(order, console.message, known, lambda so_far: _write(out, so_far))
@@ -73,7 +73,7 @@ def bench(  # noqa: PLR0913 - the options of the command
         raise typer.Exit(console.MISSED_GATE)
 
 
-def _write(out: Path, outcome: Outcome) -> dict[str, bytes]:
+def _write(out: Path, outcome: Measurements) -> dict[str, bytes]:
     """Write the tables of what is measured so far; their contents by name."""
     from ffseg.bench.report import to_csv, to_json, to_markdown
     from ffseg.io.files import write_all_atomic

@@ -18,7 +18,7 @@ from ffseg.cli.options import AsJsonOrSentences, Inputs
 from ffseg.errors import UsageError
 
 if TYPE_CHECKING:
-    from ffseg.batch.cameras import Found
+    from ffseg.batch.cameras import OwnImage
 
 
 def domain(
@@ -44,7 +44,7 @@ def domain(
 
     single = names_a_mask(os.fspath(out))
     _require_output(out, single=single)
-    found: list[Found] = []
+    found: list[OwnImage] = []
     planned = cameras(discover(inputs), os.fspath(out))
     refuse_others([(camera.out, "mask") for camera in planned], "choose another name for --out")
     for number, camera in enumerate(planned, 1):
@@ -78,7 +78,7 @@ def _require_output(out: Path, *, single: bool) -> None:
     named(os.fspath(out))
 
 
-def _sentence(found: Found) -> str:
+def _sentence(found: OwnImage) -> str:
     seen = f"{found.looked} of {found.images} images" if found.looked < found.images else f"{found.images} images"
     if not found.own:
         return f"{found.out}: nothing stays in its place in {seen}; 255 everywhere"

@@ -19,8 +19,8 @@ from ffseg.io.files import printable
 from ffseg.io.tables import counted, without_nan
 
 if TYPE_CHECKING:
-    from ffseg.learning.learn import Figures
-    from ffseg.learning.training import Asked, Beginning
+    from ffseg.learning.learn import CrossValidation
+    from ffseg.learning.training import BaseChoice, PriorChoice
 
 SUFFIX = ".ffmodel"
 
@@ -55,14 +55,14 @@ def learn(  # noqa: PLR0913 - the options of the command
     from ffseg.evidence.forest import to_bytes
     from ffseg.io.files import write_bytes_atomic
     from ffseg.learning.gather import gather
-    from ffseg.learning.learn import learned
+    from ffseg.learning.learn import learn_and_measure
     from ffseg.learning.training import LIGHTGBM
     from ffseg.plugins import require
 
     require(*LIGHTGBM)
     found = gather(inputs, os.fspath(truth), params, options.starts_file(starts, params), truth_label)
     warn_of_starts([one for one in found.labelled if one.start is not None])
-    model, figures = learned(found, params, progress(quiet=quiet), measured=not quick)
+    model, figures = learn_and_measure(found, params, progress(quiet=quiet), measured=not quick)
     write_bytes_atomic(os.fspath(out), to_bytes(model))
     if as_json:
         console.data(json.dumps({"out": os.fspath(out), **without_nan(asdict(figures))}, indent=2))
@@ -70,7 +70,7 @@ def learn(  # noqa: PLR0913 - the options of the command
         console.data("\n".join(sentences(figures, os.fspath(out))))
 
 
-def sentences(figures: Figures, out: str) -> list[str]:
+def sentences(figures: CrossValidation, out: str) -> list[str]:
     """What there is to say of a model."""
     from ffseg.learning.gather import few_known
 
@@ -80,9 +80,9 @@ def sentences(figures: Figures, out: str) -> list[str]:
             "where no start is named the model finds its own; without it the contour grows from the middle of the image"
         )
     if figures.base is not None:
-        lines.append(begun(figures.base))
+        lines.append(base_sentence(figures.base))
     if figures.prior is not None:
-        lines.append(asked(figures.prior))
+        lines.append(prior_sentence(figures.prior))
     if len(figures.curve) > 1:
         pairs = pairwise(figures.curve)
         steps = ", ".join(f"{high - low:+.3f} from {few} to {many}" for (few, low), (many, high) in pairs)
@@ -90,7 +90,7 @@ def sentences(figures: Figures, out: str) -> list[str]:
     return [*lines, *advice(figures), f"use it with --set edges.model={out}"]
 
 
-def verdict(figures: Figures, out: str) -> str:
+def verdict(figures: CrossValidation, out: str) -> str:
     """Whether the model is worth using, and by which figures."""
     learned = f"{out}, learned from {counted(figures.masks, 'mask')},"
     if figures.masks < 2:
@@ -108,7 +108,7 @@ def verdict(figures: Figures, out: str) -> str:
     return f"{learned} {how}: {what}"
 
 
-def advice(figures: Figures) -> list[str]:
+def advice(figures: CrossValidation) -> list[str]:
     """What to do next: draw more masks, leave it at these, or do without the model."""
     more = "1 more mask may" if figures.more == 1 else f"{figures.more} more masks may each"
     rises = (
@@ -127,7 +127,7 @@ def advice(figures: Figures) -> list[str]:
     return lines
 
 
-def begun(base: Beginning) -> str:
+def base_sentence(base: BaseChoice) -> str:
     """Whether the forest that comes with ffseg was corrected, and why."""
     shipped = "the forest that comes with ffseg"
     how = f"corrects {shipped}" if base.corrected else f"grown from the masks alone, without {shipped}"
@@ -135,7 +135,7 @@ def begun(base: Beginning) -> str:
     return _shared(how, base.base, base.taught, why)
 
 
-def asked(prior: Asked) -> str:
+def prior_sentence(prior: PriorChoice) -> str:
     """Whether the model asks the prior too, and why."""
     how = "asks the prior that comes with ffseg too" if prior.asked else "does not ask the prior that comes with ffseg"
     if prior.enough is None:

@@ -63,7 +63,7 @@ def pick(  # noqa: PLR0913 - the options of the command
         )
     from ffseg.io.labels import read_labels
     from ffseg.io.tables import counted
-    from ffseg.learning.gather import named
+    from ffseg.learning.gather import some_names
 
     drawn = None if labels_from is None else read_labels(labels_from)
     chosen = [one.strip() for one in labels.split(",")] if labels is not None else []
@@ -72,18 +72,20 @@ def pick(  # noqa: PLR0913 - the options of the command
             taken, odd = session.take(drawn)
             console.message(f"ffseg: {counted(taken, 'mask')} taken from {printable(os.fspath(labels_from or ''))}")
             if odd:
-                console.message(f"ffseg: a region holds no pixel, or all of them, in {named([*map(printable, odd)])}")
+                console.message(
+                    f"ffseg: a region holds no pixel, or all of them, in {some_names([*map(printable, odd)])}"
+                )
             unknown = sorted(drawn.classes() - set(chosen)) if chosen else []
             if unknown:
-                console.message(f"ffseg: left out, as no class of --labels: {named([*map(printable, unknown)])}")
+                console.message(f"ffseg: left out, as no class of --labels: {some_names([*map(printable, unknown)])}")
             others = drawn.without([source.name for source in session.sources])
             if others:
                 console.message(
-                    f"ffseg: left out, as no image or several could be meant: {named([*map(printable, others)])}"
+                    f"ffseg: left out, as no image or several could be meant: {some_names([*map(printable, others)])}"
                 )
         changed = session.changed()
         if changed:
-            names = named([*map(printable, changed)])
+            names = some_names([*map(printable, changed)])
             console.message(f"ffseg: changed since they were picked in, look at them and accept them again: {names}")
         _serve(session, port, browser)
 

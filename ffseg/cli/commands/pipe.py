@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from ffseg.batch.workers.past import Past
+    from ffseg.batch.workers.past import PastFrame
     from ffseg.geometry.freeform import FreeForm
     from ffseg.io.starts import Start
     from ffseg.parameters import Parameters
@@ -41,12 +41,12 @@ def pipe(context: typer.Context) -> int:
         For options that frames of a pipe do not take, or a stream that cannot be read.
     """
     from ffseg.io.images import Limits
-    from ffseg.io.pipes import encoded, frames, head, read_form
+    from ffseg.io.pipes import encoded, frames, head, read_frame_format
 
-    asked = _asked(context)
-    film = _film(asked)
-    kind = asked["film_out"] or "mask"
-    form = read_form(sys.stdin.buffer, asked["raw"], Limits(max_pixels=asked["max_pixels"]))
+    arguments = _arguments(context)
+    film = _film(arguments)
+    kind = arguments["film_out"] or "mask"
+    form = read_frame_format(sys.stdin.buffer, arguments["raw"], Limits(max_pixels=arguments["max_pixels"]))
     count, failed, begin = 0, 0, perf_counter()
     try:
         _send(head(form, grey=kind == "mask"))
@@ -55,7 +55,7 @@ def pipe(context: typer.Context) -> int:
             picture = _picture(image, inside, contours, kind)
             _send(encoded(picture, form))
             count, failed = count + 1, failed + bool(problem)
-            if problem and not asked["quiet"]:
+            if problem and not arguments["quiet"]:
                 console.message(f"ffseg: frame {count - 1}: {problem}")
     except BrokenPipeError:
         console.error(f"whoever reads stdout has gone after {count} frames")
@@ -64,53 +64,53 @@ def pipe(context: typer.Context) -> int:
         console.error(str(error))
         return console.FAILED_IMAGES
     finally:
-        if not asked["quiet"]:
+        if not arguments["quiet"]:
             console.message(f"ffseg: {count} frames, {count / (perf_counter() - begin):.1f} a second, {failed} failed")
     return console.FAILED_IMAGES if failed else 0
 
 
-def _asked(context: typer.Context) -> dict[str, Any]:
+def _arguments(context: typer.Context) -> dict[str, Any]:
     """Options of the command, without those that a pipe does not take."""
     for option in context.command.params:
         source = context.get_parameter_source(option.name or "")
         if source is not None and source.name == "COMMANDLINE" and option.name not in _TAKEN:
             raise UsageError(f"frames of a pipe take no {option.opts[0]}; leave it out, or name a film instead of -")
-    asked = context.params
-    if PIPE not in (*(asked["inputs"] or ()), str(asked["out"])):
+    arguments = context.params
+    if PIPE not in (*(arguments["inputs"] or ()), str(arguments["out"])):
         raise UsageError("--raw says what stdin holds: ffseg run - --raw WxH:LAYOUT --out -; leave it out for files")
-    if list(asked["inputs"] or ()) != [PIPE]:
+    if list(arguments["inputs"] or ()) != [PIPE]:
         raise UsageError(
             "--out -: - is no folder; write ./- if it is called so, or take frames from a pipe: ffseg run - --out -"
         )
-    if str(asked["out"]) != PIPE:
+    if str(arguments["out"]) != PIPE:
         raise UsageError(
             "-: frames of a pipe go to one: ffseg run - --out -; write --list - for names and 'ffseg segment - OUT' for an image"
         )
     from ffseg.batch.outputs.table import FILM_KINDS
 
-    if asked["film_out"] not in ("", *FILM_KINDS):
+    if arguments["film_out"] not in ("", *FILM_KINDS):
         raise UsageError(f"--film-out: a pipe takes one of {', '.join(FILM_KINDS)}")
     if sys.stdin.isatty() or sys.stdout.isatty():
         raise UsageError("frames go through pipes, not a terminal: ffmpeg ... | ffseg run - --out - | ffmpeg ...")
-    return asked
+    return arguments
 
 
-def _film(asked: dict[str, Any]) -> _Film:
+def _film(arguments: dict[str, Any]) -> _Film:
     from ffseg.cli.options import starts_file
     from ffseg.io.starts import numbered_starts
 
-    params = ready_params(asked["config"], overrides(asked), allow_code=asked["allow_code"])
+    params = ready_params(arguments["config"], overrides(arguments), allow_code=arguments["allow_code"])
     if params.domain.masks is not None:
         raise UsageError(
             "domain.masks finds masks by the names of images, and frames of a pipe have none; take domain.mask"
         )
-    starts = starts_file(asked["starts"], params)
+    starts = starts_file(arguments["starts"], params)
     film = _Film(params, numbered_starts(starts) if starts else {})
-    if asked["steady"]:
-        from ffseg.batch.workers.past import Past
+    if arguments["steady"]:
+        from ffseg.batch.workers.past import PastFrame
         from ffseg.io.images import Limits
 
-        film.past = Past(steady=True, limits=Limits())
+        film.past = PastFrame(steady=True, limits=Limits())
     return film
 
 
@@ -120,7 +120,7 @@ class _Film:
 
     params: Parameters
     starts: Mapping[int, Start]
-    past: Past | None = None
+    past: PastFrame | None = None
     number: int = 0
     last: tuple[NDArray[np.uint8], NDArray[np.bool_]] | None = None
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ffseg.batch.workers.launch import Process, cores, launch, take
+from ffseg.batch.workers.launch import Process, cores, launch, take_process
 from ffseg.cli import checks, completion, console, options
 from ffseg.cli.commands.pipe import PIPE, pipe
 from ffseg.cli.interruption import Interruption
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from ffseg.batch.executors.base import Options
     from ffseg.batch.outputs.table import Products
     from ffseg.batch.plan.jobs import Plan
-    from ffseg.batch.plan.sources import Source
-    from ffseg.batch.views import Views
+    from ffseg.batch.plan.sources import InputImage
+    from ffseg.batch.views import CameraSetup
     from ffseg.batch.workers.messages import Setup
     from ffseg.parameters import Parameters
 
@@ -209,7 +209,7 @@ def run(  # noqa: PLR0913 - the options of the command
         from ffseg.batch.plan.jobs import make_plan
         from ffseg.batch.runner import Run
         from ffseg.batch.workers.messages import Setup
-        from ffseg.cli.reporting import Progress, show_result
+        from ffseg.cli.reporting import ProgressBar, show_result
 
         interruption = cleanup.enter_context(Interruption())
         params = checks.ready_params(config, options.overrides(context.params), evidence, allow_code=allow_code)
@@ -227,7 +227,7 @@ def run(  # noqa: PLR0913 - the options of the command
         how = Options(workers, timeout, overwrite, report, read_tables(table), who, dask, chunk or 500)
         if dry_run:
             raise typer.Exit(_preview(plan, setup, how, as_json=as_json))
-        progress = Progress(len(plan.jobs), bar=not quiet, verbose=verbose and not quiet, quiet=quiet)
+        progress = ProgressBar(len(plan.jobs), bar=not quiet, verbose=verbose and not quiet, quiet=quiet)
         cleanup.callback(progress.close)
         work = cleanup.enter_context(Run(plan, setup, how, interruption, progress))
         interruption.defer()
@@ -239,20 +239,20 @@ def run(  # noqa: PLR0913 - the options of the command
     raise typer.Exit(interruption.exit_code if summary.signal else failed)
 
 
-def _require_together(asked: Mapping[str, Any]) -> None:
+def _require_together(arguments: Mapping[str, Any]) -> None:
     """Refuse options that need others, or do not go with them."""
-    checks.require_truth(asked["truth"], asked["truth_label"])
-    given = {name for name, value in asked.items() if not (value is None or value is False or value in ("", ()))}
+    checks.require_truth(arguments["truth"], arguments["truth_label"])
+    named = {name for name, value in arguments.items() if not (value is None or value is False or value in ("", ()))}
     for name, (other, sentence) in _NEED.items():
-        if name in given and other not in given:
+        if name in named and other not in named:
             raise UsageError(sentence)
     for pair, why in _APART.items():
-        if given.issuperset(pair):
+        if named.issuperset(pair):
             one, other = (name.replace("_", "-") for name in pair)
             raise UsageError(f"--{one} and --{other} do not go together{why}")
 
 
-def _executor(name: str, scheduler: str, asked: Mapping[str, Any]) -> str:
+def _executor(name: str, scheduler: str, arguments: Mapping[str, Any]) -> str:
     """Who works on the images, once all that is asked for goes together."""
     from ffseg.plugins import check
 
@@ -260,7 +260,7 @@ def _executor(name: str, scheduler: str, asked: Mapping[str, Any]) -> str:
     if scheduler and name not in (PROCESSES, "dask"):
         raise UsageError(f"--dask is of the executor dask, not of {name}; leave one of them out")
     who = "dask" if scheduler else name
-    _require_together({**asked, "dask": who == "dask"})
+    _require_together({**arguments, "dask": who == "dask"})
     return who
 
 
@@ -295,13 +295,13 @@ def _products(
     return Products(overlay or "overlay" in films, read_exports(export), animate, read_pack(pack), metric, films)
 
 
-def _inputs(inputs: Sequence[str], listing: str, bag: tuple[str, str], *, nul: bool) -> list[str | Source]:
-    from ffseg.batch.plan.discover import bag_frames, listed
+def _inputs(inputs: Sequence[str], listing: str, bag: tuple[str, str], *, nul: bool) -> list[str | InputImage]:
+    from ffseg.batch.plan.discover import bag_frames, sources_of_list
 
     if not inputs and not listing and not any(bag):
         raise UsageError("there is no input; name image files, folders or patterns, or a list with --list FILE")
     framed = bag_frames(*bag) if any(bag) else ()
-    return [*(listed(listing, nul=nul) if listing else ()), *inputs, *framed]
+    return [*(sources_of_list(listing, nul=nul) if listing else ()), *inputs, *framed]
 
 
 def _with_files(plan: Plan, params: Parameters, starts: str, evidence: str, *, quiet: bool) -> Plan:
@@ -319,7 +319,7 @@ def _with_files(plan: Plan, params: Parameters, starts: str, evidence: str, *, q
     return with_evidence(plan, evidence) if evidence else plan
 
 
-def _views(plan: Plan, camera: Path, poses: Path | None, pairs: Path | None, footprint: float | None) -> Views:
+def _views(plan: Plan, camera: Path, poses: Path | None, pairs: Path | None, footprint: float | None) -> CameraSetup:
     from ffseg.batch.views import load_views, with_bag
 
     names = [job.source.name for job in plan.jobs]
@@ -333,11 +333,11 @@ def _views(plan: Plan, camera: Path, poses: Path | None, pairs: Path | None, foo
 def _ordered(plan: Plan, setup: Setup, shard: str) -> Plan:
     """The plan with the images before each image, where it is asked for; of a shard only its part."""
     from ffseg.batch.plan.jobs import with_earlier, with_past
-    from ffseg.batch.shards.assign import only, read_shard
+    from ffseg.batch.shards.assign import read_shard, shard_plan
 
     plan = with_earlier(plan, setup.views.chain) if setup.views else plan
     plan = with_past(plan) if setup.past else plan
-    return only(plan, read_shard(shard)) if shard else plan
+    return shard_plan(plan, read_shard(shard)) if shard else plan
 
 
 def _preview(plan: Plan, setup: Setup, options: Options, *, as_json: bool) -> int:
@@ -353,6 +353,6 @@ def _early_workers(inputs: Sequence[str], jobs: int) -> list[Process]:
     several = jobs > 1 and (len(inputs) != 1 or os.path.isdir(inputs[0]) or is_film(inputs[0]))
     early: list[Process] = []
     with contextlib.suppress(OSError):  # no more descriptors or processes: the run says so itself
-        early.append(take())
+        early.append(take_process())
         early += [launch()] if several else []
     return early

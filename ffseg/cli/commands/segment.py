@@ -64,23 +64,23 @@ def segment(  # noqa: PLR0913 - the options of the command
     ffseg writes such files. Exit code: 0 done; 2 nothing was run; 3 the image cannot be read or segmented, or an output
     cannot be written.
     """
-    wanted = [(path, _kind(path, kind)) for path in outputs]
-    _require_other_names(image, wanted)
+    targets = [(path, _kind(path, kind)) for path in outputs]
+    _require_other_names(image, targets)
     if not overwrite:
-        refuse_others([one for one in wanted if one[0] != PIPE], "choose another name or add --overwrite")
+        refuse_others([one for one in targets if one[0] != PIPE], "choose another name or add --overwrite")
     params = ready_params(config, options.overrides(context.params), evidence, allow_code=allow_code)
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     from ffseg.api import segment as segment_pixels
     from ffseg.batch.outputs.encoding import as_labelme
-    from ffseg.io.saving import Source, encoded
+    from ffseg.io.saving import ImageInfo, encoded
 
     domain = _domain(image, params.domain.masks)
     try:
         pixels, note = _read(image, params.input.range)
         result = segment_pixels(pixels, params, evidence=_evidence(evidence), domain=domain)
-        source = Source(_name(image), pixels, label=params.region.label)
+        source = ImageInfo(_name(image), pixels, label=params.region.label)
         found = []
-        for path, output in wanted:
+        for path, output in targets:
             suffix = ".png" if path == PIPE else os.path.splitext(path)[1].lower()
             seen = as_labelme(path, image, pixels, source.label) if output == "labelme" else source
             found.append((path, encoded(result, output, seen, suffix)))
@@ -93,7 +93,7 @@ def segment(  # noqa: PLR0913 - the options of the command
         raise typer.Exit(console.FAILED_IMAGES) from error
     if not quiet:
         texts = [note, *result.messages]
-        if label is not None and any(output == "yolo" for _, output in wanted):
+        if label is not None and any(output == "yolo" for _, output in targets):
             texts.append(f"class 0 of YOLO's labels is {label}: name it in the data set's YAML file")
         for text in filter(None, texts):
             console.message(f"ffseg: {text}")
@@ -113,7 +113,7 @@ def _domain(image: str, folder: str | None) -> NDArray[np.uint8] | None:
     if folder is None:
         return None
     from ffseg.batch.plan.beside import find_domains
-    from ffseg.batch.plan.sources import Source as Input
+    from ffseg.batch.plan.sources import InputImage as Input
     from ffseg.io.masks import load_mask
 
     if image == PIPE:
@@ -140,12 +140,12 @@ def _kind(path: str, named: str | None) -> str:
         raise UsageError(f"{error}; or name it with --as") from error
 
 
-def _require_other_names(image: str, wanted: Sequence[tuple[str, str]]) -> None:
+def _require_other_names(image: str, targets: Sequence[tuple[str, str]]) -> None:
     """Refuse outputs that tell of several inputs, as a pattern of the shell makes: all but the first would be replaced."""
-    if any(path != PIPE and _same(path, image) for path, _ in wanted):
+    if any(path != PIPE and _same(path, image) for path, _ in targets):
         raise UsageError("an output would replace the input image; choose another name")
     first: dict[tuple[str, str], str] = {}
-    for path, kind in wanted:
+    for path, kind in targets:
         output = (kind, os.path.splitext(path)[1].lower())
         if output in first:
             raise UsageError(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ffseg.cli import console
 
 if TYPE_CHECKING:
-    from ffseg.learning.gather import Labelled
+    from ffseg.learning.gather import LabelledImage
 
 
 def progress(*, quiet: bool) -> Callable[[str], None]:
@@ -16,7 +16,7 @@ def progress(*, quiet: bool) -> Callable[[str], None]:
     return (lambda _: None) if quiet else (lambda text: console.message(f"ffseg: {text}"))
 
 
-def warn_of_starts(labelled: Sequence[Labelled]) -> None:
+def warn_of_starts(labelled: Sequence[LabelledImage]) -> None:
     """Say which images have a start outside their mask.
 
     Raises
@@ -24,22 +24,25 @@ def warn_of_starts(labelled: Sequence[Labelled]) -> None:
     UsageError
         If all have.
     """
-    from ffseg.learning.gather import named, starts_off
+    from ffseg.learning.gather import some_names, starts_off
 
     names = starts_off(labelled)
     if names:
-        console.message(f"ffseg: warning: the start lies outside the mask of {named(names)}; correct one of the two")
+        console.message(
+            f"ffseg: warning: the start lies outside the mask of {some_names(names)}; correct one of the two"
+        )
 
 
-def warn_of_seen(labelled: Sequence[Labelled]) -> None:
+def warn_of_seen(labelled: Sequence[LabelledImage]) -> None:
     """Say which images the model of the parameters has learned from, by their names."""
     from ffseg.evidence.source import learned_from
     from ffseg.io.files import printable
-    from ffseg.learning.gather import named
+    from ffseg.learning.gather import some_names
 
     seen = learned_from(labelled[0].params)
     names = [printable(one.name) for one in labelled if one.name in seen]
     if names:
         console.message(
-            f"ffseg: warning: edges.model has learned from images called {named(names)}; on those it does too well to be tuned"
+            f"ffseg: warning: edges.model has learned from images called {some_names(names)}; "
+            "on those it does too well to be tuned"
         )

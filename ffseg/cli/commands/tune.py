@@ -49,7 +49,7 @@ def tune(  # noqa: PLR0913 - the options of the command
     params = ready_params(config, settings)
     from ffseg.io.files import write_all_atomic
     from ffseg.learning.gather import gather
-    from ffseg.learning.page import to_html, to_yaml, told, untried
+    from ffseg.learning.page import not_tried, summary_lines, to_html, to_yaml
     from ffseg.learning.tune import before_and_after
     from ffseg.learning.tune import tune as search
     from ffseg.parameter_text import non_defaults
@@ -72,4 +72,4 @@ def tune(  # noqa: PLR0913 - the options of the command
         console.data(json.dumps({"out": os.fspath(out), **asdict(tuned)}, indent=2))
     else:
         use = f"use it with --config {out}" if tuned.setting or non_defaults(params) else f"{out} changes nothing"
-        console.data("\n".join([*told(tuned), use, *untried(tuned)]))
+        console.data("\n".join([*summary_lines(tuned), use, *not_tried(tuned)]))

@@ -29,13 +29,13 @@ class Contradiction:
 
     Attributes
     ----------
-    said : str
+    sentence : str
         One sentence with the size of the contradiction and the remedy.
     fit : GroundFit
         How well the ground agrees with the poses read in the other way.
     """
 
-    said: str
+    sentence: str
     fit: GroundFit
 
 
@@ -64,23 +64,23 @@ def likely_cause(camera: Camera, poses: tuple[Pose, Pose], confirmed: Confirmed,
     agree : int
         Points that agree with the poses as they are given.
     """
-    given = relative_motion(*poses)
+    stated = relative_motion(*poses)
     found: list[tuple[GroundFit, float, str]] = []
-    for said, motion, other in _readings(camera, poses):
-        if _differs(given, motion, camera, other):
+    for sentence, motion, other in _readings(camera, poses):
+        if _differs(stated, motion, camera, other):
             tried = confirmed(motion, other)
             if tried is not None and tried[0].count >= CLEARLY * agree:
-                found.append((*tried, said))
+                found.append((*tried, sentence))
     if not found:
         return None
     most = max(fit.count for fit, _, _ in found)
-    fit, _, said = min((one for one in found if one[0].count >= ALIKE * most), key=lambda one: one[1])
-    return Contradiction(f"{said}; read like this {fit.count} points of the ground agree", fit)
+    fit, _, sentence = min((one for one in found if one[0].count >= ALIKE * most), key=lambda one: one[1])
+    return Contradiction(f"{sentence}; read like this {fit.count} points of the ground agree", fit)
 
 
-def _differs(given: Motion, other: Motion, camera: Camera, other_camera: Camera) -> bool:
-    turn = np.arccos(np.clip(0.5 * (np.trace(given.rotation.T @ other.rotation) - 1.0), -1.0, 1.0))
-    shift = np.linalg.norm(given.translation - other.translation)
+def _differs(stated: Motion, other: Motion, camera: Camera, other_camera: Camera) -> bool:
+    turn = np.arccos(np.clip(0.5 * (np.trace(stated.rotation.T @ other.rotation) - 1.0), -1.0, 1.0))
+    shift = np.linalg.norm(stated.translation - other.translation)
     return bool(shift > CHANGES[0] or turn > CHANGES[1]) or camera.mounting() != other_camera.mounting()
 
 
@@ -100,13 +100,13 @@ def _readings(camera: Camera, poses: tuple[Pose, Pose]) -> Iterator[tuple[str, M
     }
     for what, planar in readings.items():
         previous, current = (planar_pose(camera, *one) for one in planar)
-        yield _said(poses, what), relative_motion(previous, current), camera
+        yield _sentence(poses, what), relative_motion(previous, current), camera
     for unit, factor in (("feet", 0.3048), ("inches", 0.0254)):
         lower = replace(camera, mount_height=camera.mounting() * factor)
-        yield _said(poses, f"mount_height looks like {unit}; give metres"), relative_motion(*poses), lower
+        yield _sentence(poses, f"mount_height looks like {unit}; give metres"), relative_motion(*poses), lower
 
 
-def _said(poses: tuple[Pose, Pose], what: str) -> str:
+def _sentence(poses: tuple[Pose, Pose], what: str) -> str:
     bare = relative_motion(*poses)
     turn = np.rad2deg(np.arccos(np.clip(0.5 * (np.trace(bare.rotation) - 1.0), -1.0, 1.0)))
     return f"the ground does not move by {bare.baseline:.3g} m and {turn:.1f} degrees as the poses say: {what}"

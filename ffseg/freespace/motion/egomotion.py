@@ -10,8 +10,8 @@ import numpy as np
 
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion, Origin, Pose, relative_motion
+from ffseg.freespace.motion.candidates import GroundCandidates, SegmentedImage, ground_candidates
 from ffseg.freespace.motion.contradictions import likely_cause, unlikely_units
-from ffseg.freespace.motion.evidence import Evidence, Scenery, gathered
 from ffseg.freespace.motion.ground import GroundFit, fit_ground, prior_sigmas
 from ffseg.freespace.motion.tracking import Look
 from ffseg.image.keypoints import Array, Grey, plane_pixels
@@ -68,9 +68,9 @@ def pair_motion(
     camera: Camera,
     images: tuple[Grey, Grey],
     poses: tuple[Pose, Pose] | None,
-    scenery: Scenery,
+    segmented: SegmentedImage,
     epsilon: float,
-    evidence: Evidence | None = None,
+    candidates: GroundCandidates | None = None,
 ) -> PairMotion:
     """Motion between two images.
 
@@ -80,21 +80,25 @@ def pair_motion(
         Previous and current image, grey.
     poses : tuple of Pose or None
         Of the previous and the current image.
-    scenery : Scenery
+    segmented : SegmentedImage
         What was segmented in the current image.
     epsilon : float
         Altitude threshold, metres: what the pair's parallax must resolve.
-    evidence : Evidence, optional
+    candidates : GroundCandidates, optional
         Of the current image, where it was gathered for another pair already.
     """
     pair = images[1], images[0]
-    evidence = gathered(camera, pair[0], scenery) if evidence is None else evidence
-    found = _with_poses(camera, pair, poses, evidence, scenery) if poses else _without(camera, pair, evidence, scenery)
+    candidates = ground_candidates(camera, pair[0], segmented) if candidates is None else candidates
+    found = (
+        _with_poses(camera, pair, poses, candidates, segmented)
+        if poses
+        else _without(camera, pair, candidates, segmented)
+    )
     if found.motion is None:
         return found
-    if not len(evidence.grid):
+    if not len(candidates.grid):
         return PairMotion(None, "the free space shows no point of the ground at which altitudes could be told")
-    parallax = threshold_parallax(camera, found.motion, evidence.grid, epsilon)
+    parallax = threshold_parallax(camera, found.motion, candidates.grid, epsilon)
     if parallax < LEAST_PARALLAX:
         return PairMotion(
             None,
@@ -113,7 +117,7 @@ def threshold_parallax(camera: Camera, motion: Motion, points: Array, epsilon: f
     return float(np.median(distance)) if len(distance) else 0.0
 
 
-def given_motion(poses: tuple[Pose, Pose]) -> Motion:
+def stated_motion(poses: tuple[Pose, Pose]) -> Motion:
     """Motion between poses, with the standard deviations that they state or that wheel odometry has."""
     bare = relative_motion(*poses)
     stated = [pose.sigmas for pose in poses if pose.sigmas is not None]
@@ -123,19 +127,23 @@ def given_motion(poses: tuple[Pose, Pose]) -> Motion:
     return Motion(bare.rotation, bare.translation, "poses", 0, *sigma)
 
 
-def _without(camera: Camera, pair: tuple[Grey, Grey], evidence: Evidence, scenery: Scenery) -> PairMotion:
-    fit = _searched(camera, pair, evidence, scenery)
+def _without(
+    camera: Camera, pair: tuple[Grey, Grey], candidates: GroundCandidates, segmented: SegmentedImage
+) -> PairMotion:
+    fit = _searched(camera, pair, candidates, segmented)
     if fit is None:
         return PairMotion(None, "no motion: the ground of the two images does not match; give poses with --poses")
-    return PairMotion(fit.motion, _said(fit.motion), fit.camera, fit)
+    return PairMotion(fit.motion, _sentence(fit.motion), fit.camera, fit)
 
 
-def _searched(camera: Camera, pair: tuple[Grey, Grey], evidence: Evidence, scenery: Scenery) -> GroundFit | None:
+def _searched(
+    camera: Camera, pair: tuple[Grey, Grey], candidates: GroundCandidates, segmented: SegmentedImage
+) -> GroundFit | None:
     """The motion that the ground shows without poses: the best of the starts of a search, if it is good."""
     best = None
     sigmas = prior_sigmas(*SEARCH_SIGMAS)
-    for rough in search_ground_motions(camera, *pair, scenery.free, scenery.components):
-        for fit in _fits(camera, rough, sigmas, pair, evidence, PRESENT[1:]):
+    for rough in search_ground_motions(camera, *pair, segmented.free, segmented.components):
+        for fit in _fits(camera, rough, sigmas, pair, candidates, PRESENT[1:]):
             if best is None or fit.count > best.count:
                 best = fit
         if best is not None and best.share > GOOD_SHARE:
@@ -144,12 +152,12 @@ def _searched(camera: Camera, pair: tuple[Grey, Grey], evidence: Evidence, scene
 
 
 def _fits(
-    camera: Camera, prior: Motion, sigmas: Array, pair: tuple[Grey, Grey], evidence: Evidence,
+    camera: Camera, prior: Motion, sigmas: Array, pair: tuple[Grey, Grey], candidates: GroundCandidates,
     ways: tuple[tuple[Look, ...], ...],
 ) -> Iterator[GroundFit]:  # fmt: skip
     """Fits round a prior, until one is good."""
     for looks in ways:
-        fit = fit_ground(camera, prior, sigmas, pair, evidence, looks)
+        fit = fit_ground(camera, prior, sigmas, pair, candidates, looks)
         if fit is not None:
             yield fit
             if fit.share > GOOD_SHARE:
@@ -161,40 +169,44 @@ def _sure(fit: GroundFit) -> bool:
 
 
 def _with_poses(
-    camera: Camera, pair: tuple[Grey, Grey], poses: tuple[Pose, Pose], evidence: Evidence, scenery: Scenery
+    camera: Camera,
+    pair: tuple[Grey, Grey],
+    poses: tuple[Pose, Pose],
+    candidates: GroundCandidates,
+    segmented: SegmentedImage,
 ) -> PairMotion:
     """Poses and ground together; poses alone where the ground is silent; nothing where it contradicts them."""
-    given = given_motion(poses)
+    stated = stated_motion(poses)
     refused = unlikely_units(camera, poses)
     if refused:
         return PairMotion(None, f"no motion: {refused}", contradicted=True)
-    sigmas = prior_sigmas(given.translation_sigma, given.rotation_sigma)
-    prior = Motion(given.rotation, given.translation, "poses, refined on the ground", 0, *_planar(given))
-    fits = list(_fits(camera, prior, sigmas, pair, evidence, PRESENT))
+    sigmas = prior_sigmas(stated.translation_sigma, stated.rotation_sigma)
+    prior = Motion(stated.rotation, stated.translation, "poses, refined on the ground", 0, *_planar(stated))
+    fits = list(_fits(camera, prior, sigmas, pair, candidates, PRESENT))
     fit = max(fits, key=lambda one: one.count, default=None)
     if fit is not None and _sure(fit) and not _far(fit.offset, sigmas):
-        return PairMotion(fit.motion, _said(fit.motion), fit.camera, fit)
+        return PairMotion(fit.motion, _sentence(fit.motion), fit.camera, fit)
     agree = fit.count if fit is not None and not _far(fit.offset, sigmas) else 0
-    cause = likely_cause(camera, poses, partial(_confirmed, pair, evidence), agree)
+    cause = likely_cause(camera, poses, partial(_confirmed, pair, candidates), agree)
     if cause is not None:
-        return PairMotion(None, f"no motion: {cause.said}", contradicted=True)
+        return PairMotion(None, f"no motion: {cause.sentence}", contradicted=True)
     if fit is not None and _sure(fit):
-        return PairMotion(None, _differ(fit.motion, given), contradicted=True)
-    found = _searched(camera, pair, evidence, scenery)
+        return PairMotion(None, _differ(fit.motion, stated), contradicted=True)
+    found = _searched(camera, pair, candidates, segmented)
     if found is not None and found.count > agree:
-        return PairMotion(None, _differ(found.motion, given), contradicted=True)
+        return PairMotion(None, _differ(found.motion, stated), contradicted=True)
     if fit is None or _far(fit.offset, sigmas):
-        return PairMotion(given, f"{_said(given)}; the ground does not answer", camera)
-    return PairMotion(fit.motion, _said(fit.motion), fit.camera, fit)
+        return PairMotion(stated, f"{_sentence(stated)}; the ground does not answer", camera)
+    return PairMotion(fit.motion, _sentence(fit.motion), fit.camera, fit)
 
 
 def _confirmed(
-    pair: tuple[Grey, Grey], evidence: Evidence, motion: Motion, camera: Camera
+    pair: tuple[Grey, Grey], candidates: GroundCandidates, motion: Motion, camera: Camera
 ) -> tuple[GroundFit, float] | None:
     """What agrees with another reading of the poses, and by how many standard deviations the ground corrects it."""
     tried = _with_odometry(motion, "ground points")
     sigmas = prior_sigmas(*_planar(tried))
-    for fit in _fits(camera, tried, sigmas, pair, evidence, PRESENT[1:2]):
+    for fit in _fits(camera, tried, sigmas, pair, candidates, PRESENT[1:2]):
         if _sure(fit) and not _far(fit.offset, sigmas):
             return fit, float(np.sqrt(np.sum((fit.offset[:3] / sigmas[:3]) ** 2)))
     return None
@@ -216,12 +228,12 @@ def _far(offset: Array, sigmas: Array) -> bool:
     return shift > SLACK_METRES + SLACK * float(sigmas[0]) or abs(float(offset[2])) > SLACK * float(sigmas[2])
 
 
-def _differ(found: Motion, given: Motion) -> str:
-    shift = float(np.linalg.norm(found.translation - given.translation))
-    turn = np.rad2deg(_angle(found.rotation.T @ given.rotation))
+def _differ(found: Motion, stated: Motion) -> str:
+    shift = float(np.linalg.norm(found.translation - stated.translation))
+    turn = np.rad2deg(_angle(found.rotation.T @ stated.rotation))
     return (
         f"no motion: poses and ground differ by {shift:.3f} m and {turn:.1f} degrees; the ground says a baseline of "
-        f"{found.baseline:.3f} m, the poses {given.baseline:.3f} m; check the order, units and theta of the poses, "
+        f"{found.baseline:.3f} m, the poses {stated.baseline:.3f} m; check the order, units and theta of the poses, "
         "and mount_height"
     )
 
@@ -232,7 +244,7 @@ def _angle(rotation: Array) -> float:
     return float(np.arctan2(np.linalg.norm(skew) / np.sqrt(8.0), 0.5 * (np.trace(rotation) - 1.0)))
 
 
-def _said(motion: Motion) -> str:
+def _sentence(motion: Motion) -> str:
     seen = f" from {motion.inliers} ground points" if motion.inliers else ""
     return (
         f"motion by {motion.origin}{seen}: {motion.baseline:.3f} m (+- {motion.translation_sigma:.4f} m, "

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import PARAMETERS, Motion, Origin, perturbed, point_slopes, projection_slopes
-from ffseg.freespace.motion.evidence import FREE, Evidence
-from ffseg.freespace.motion.tracking import Look, Tracks, tracked
+from ffseg.freespace.motion.candidates import FREE, GroundCandidates
+from ffseg.freespace.motion.tracking import Look, TrackedPoints, track_points
 from ffseg.image.keypoints import Array, Grey
 
 NOD, LEAN, LIFT = np.deg2rad(0.15), np.deg2rad(0.15), 0.002
@@ -52,7 +52,7 @@ class GroundFit:
     motion : Motion
     offset : ndarray of float64, shape (8,)
         What was corrected of the prior, as `perturbed` takes it.
-    tracks : Tracks
+    tracks : TrackedPoints
     inliers : ndarray of bool, shape (n,)
     residual : ndarray of float64, shape (n, 2)
         Found less predicted, pixels.
@@ -74,7 +74,7 @@ class GroundFit:
     camera: Camera
     motion: Motion
     offset: Array
-    tracks: Tracks
+    tracks: TrackedPoints
     inliers: NDArray[np.bool_]
     residual: Array
     slopes: Array
@@ -95,7 +95,7 @@ class GroundFit:
     @property
     def answer(self) -> float:
         """Of the points that should have been placed, those that agree."""
-        return self.count / max(1, self.tracks.asked)
+        return self.count / max(1, self.tracks.num_expected)
 
     def without(self, count: int) -> Doubt:
         """What the points of all others say of the motion that each of so many components is judged by."""
@@ -163,7 +163,12 @@ def prior_sigmas(translation: float, rotation: float) -> Array:
 
 
 def fit_ground(
-    camera: Camera, prior: Motion, sigmas: Array, pair: tuple[Grey, Grey], evidence: Evidence, looks: tuple[Look, ...]
+    camera: Camera,
+    prior: Motion,
+    sigmas: Array,
+    pair: tuple[Grey, Grey],
+    candidates: GroundCandidates,
+    looks: tuple[Look, ...],
 ) -> GroundFit | None:
     """Correct a motion so that points on the ground agree with both images.
 
@@ -186,7 +191,7 @@ def fit_ground(
     """
     offset, fit, here = np.zeros(PARAMETERS), None, (camera, prior)
     for look in looks:
-        tracks = tracked(*here, pair, evidence, look)
+        tracks = track_points(*here, pair, candidates, look)
         fit = _fitted(*here, tracks, offset, sigmas, first=fit is None)
         if fit is None:
             return None
@@ -198,7 +203,7 @@ def fit_ground(
 
 
 def _fitted(
-    camera: Camera, motion: Motion, tracks: Tracks, offset: Array, sigmas: Array, *, first: bool
+    camera: Camera, motion: Motion, tracks: TrackedPoints, offset: Array, sigmas: Array, *, first: bool
 ) -> GroundFit | None:
     """Parameters by RANSAC at first, then by least squares with a hard gate; the motion is linear near its prior."""
     if len(tracks.current) < MIN_INLIERS:

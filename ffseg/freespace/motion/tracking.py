@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion
-from ffseg.freespace.motion.evidence import FREE, Evidence
+from ffseg.freespace.motion.candidates import FREE, GroundCandidates
 from ffseg.image.keypoints import (
     Alignments,
     Array,
     Candidates,
     Grey,
     align_patches,
-    limited,
+    limited_information,
     patch_scores,
     plane_candidates,
 )  # fmt: skip
@@ -48,7 +48,7 @@ FAINT = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Tracks:
+class TrackedPoints:
     """Points that were placed.
 
     Attributes
@@ -58,7 +58,7 @@ class Tracks:
     information : ndarray of float64, shape (n, 2, 2)
         Inverse covariance of ``previous``, 1/px^2.
     owner : ndarray of int, shape (n,)
-    asked : int
+    num_expected : int
         Points that should have been placed: all but those of the free space without texture.
     """
 
@@ -67,10 +67,12 @@ class Tracks:
     previous: Array
     information: Array
     owner: NDArray[np.intp]
-    asked: int
+    num_expected: int
 
 
-def tracked(camera: Camera, motion: Motion, pair: tuple[Grey, Grey], evidence: Evidence, look: Look) -> Tracks:
+def track_points(
+    camera: Camera, motion: Motion, pair: tuple[Grey, Grey], candidates: GroundCandidates, look: Look
+) -> TrackedPoints:
     """Place points from where the ground would put them.
 
     Parameters
@@ -81,24 +83,26 @@ def tracked(camera: Camera, motion: Motion, pair: tuple[Grey, Grey], evidence: E
     look : str
         ``far``, ``half`` or ``full``.
     """
-    candidates = plane_candidates(camera, motion, evidence.pixels, np.zeros(1))
-    seen = np.isfinite(candidates.pixels[:, 0]).all(axis=1) & np.isfinite(candidates.warps[:, 0]).all(axis=1)
-    points, owner = evidence.pixels[seen], evidence.owner[seen]
-    expected = Candidates(candidates.pixels[seen], candidates.warps[seen])
+    there = plane_candidates(camera, motion, candidates.pixels, np.zeros(1))
+    seen = np.isfinite(there.pixels[:, 0]).all(axis=1) & np.isfinite(there.warps[:, 0]).all(axis=1)
+    points, owner = candidates.pixels[seen], candidates.owner[seen]
+    expected = Candidates(there.pixels[seen], there.warps[seen])
     if look == "full":
         found = align_patches(*pair, points, expected, PATCH_RADIUS)
-        information = placed(found, PATCH_RADIUS, FINEST_SIGMA)
+        information = placement_information(found, PATCH_RADIUS, FINEST_SIGMA)
     else:
         found, information = _halved(pair, points, expected, look)
     half, skew, both = _symmetric(information)
     sure = half + np.hypot(skew, both) > WORST_SIGMA**-2 * (1.0 if look == "full" else 0.25)
     good = (found.score > LEAST_SCORE) & sure & np.isfinite(found.pixels).all(axis=1)
-    asked = int(np.count_nonzero(good | (owner != FREE)))
+    num_expected = int(np.count_nonzero(good | (owner != FREE)))
     information = information[good] + FAINT * np.eye(2)
-    return Tracks(points[good], expected.pixels[good, 0], found.pixels[good], information, owner[good], asked)
+    return TrackedPoints(
+        points[good], expected.pixels[good, 0], found.pixels[good], information, owner[good], num_expected
+    )
 
 
-def placed(found: Alignments, radius: int, finest: float) -> Array:
+def placement_information(found: Alignments, radius: int, finest: float) -> Array:
     """Information of placements above what noise alone pretends to, and no finer than `finest` pixels."""
     pretended = NOISE_SLOPES * (2 * radius + 1) ** 2 * found.noise
     information, pretended = np.nan_to_num(found.information), np.nan_to_num(pretended)
@@ -107,7 +111,7 @@ def placed(found: Alignments, radius: int, finest: float) -> Array:
     large, small = (np.maximum(half + sign * length - pretended, 0.0) for sign in (1.0, -1.0))
     mean, bend = 0.5 * (large + small), 0.5 * (large - small) / np.maximum(length, TINY)
     rows = [mean + bend * skew, bend * both, bend * both, mean - bend * skew]
-    return limited(np.stack(rows, axis=1).reshape(-1, 2, 2), finest)
+    return limited_information(np.stack(rows, axis=1).reshape(-1, 2, 2), finest)
 
 
 def _symmetric(information: Array) -> tuple[Array, Array, Array]:
@@ -123,7 +127,7 @@ def _halved(pair: tuple[Grey, Grey], points: Array, expected: Candidates, look: 
     if look == "far":
         start, sigma = _searched(small, points / 2.0, start), FAR_SIGMA
     found = align_patches(*small, points / 2.0, start, PATCH_RADIUS)
-    information = placed(found, PATCH_RADIUS, sigma / 2.0) / 4.0
+    information = placement_information(found, PATCH_RADIUS, sigma / 2.0) / 4.0
     return Alignments(found.pixels * 2.0, found.score, found.information / 4.0, found.noise), information
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ffseg.learning.drawn.rays import GROUND, Scene, shaded
+from ffseg.learning.drawn.rays import GROUND, World, shaded
 from ffseg.learning.drawn.skins import Array, colour
 
 Generator = np.random.Generator
@@ -20,7 +20,7 @@ CLEAR_OF_CAMERA = 0.25
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Camera:
+class Viewpoint:
     """Where it stands, its (H, W, 3) rays, and, under a mirror, the distance of each pixel from its middle in radii."""
 
     origin: Array
@@ -28,7 +28,7 @@ class Camera:
     radii: Array | None = None
 
 
-def perspective(rng: Generator, *, road: bool) -> Camera:
+def perspective(rng: Generator, *, road: bool) -> Viewpoint:
     """At 0.1 to 1.7 m on a robot, at 0.9 to 1.8 m in a car."""
     width = int(rng.integers(220, 400))
     shape = rng.choice([0.75, 0.5625, 0.6, 1.6], p=[0.6, 0.3, 0.1, 0] if road else [0.35, 0.35, 0.2, 0.1])
@@ -42,7 +42,7 @@ def perspective(rng: Generator, *, road: bool) -> Camera:
     y, x = np.mgrid[:height, :width]
     rays = np.stack([np.ones(y.shape), (width / 2 - x) / focal, (height / 2 - y) / focal], -1)
     rays = rays @ rotation(roll, 1, 2).T @ rotation(-pitch, 0, 2).T @ rotation(yaw, 0, 1).T
-    return Camera(np.array([0, 0, up]), rays / np.linalg.norm(rays, axis=2)[..., None])
+    return Viewpoint(np.array([0, 0, up]), rays / np.linalg.norm(rays, axis=2)[..., None])
 
 
 def rotation(angle: float, one: int, other: int) -> Array:
@@ -53,7 +53,7 @@ def rotation(angle: float, one: int, other: int) -> Array:
     return found
 
 
-def mirror(rng: Generator) -> Camera:
+def mirror(rng: Generator) -> Viewpoint:
     """Under a mirror (unified sphere model) or a fisheye (angle in proportion to the radius), looking down."""
     height = int(rng.integers(260, 420))
     width = int(height * rng.choice([1, 4 / 3]))
@@ -70,10 +70,10 @@ def mirror(rng: Generator) -> Camera:
         angle = radii * widest
     turn = np.arctan2(down, right)
     rays = np.stack([np.sin(angle) * np.cos(turn), np.sin(angle) * np.sin(turn), -np.cos(angle)], -1)
-    return Camera(np.array([0, 0, rng.uniform(0.5, 1.8)]), rays, radii)
+    return Viewpoint(np.array([0, 0, rng.uniform(0.5, 1.8)]), rays, radii)
 
 
-def photographed(scene: Scene, camera: Camera, rng: Generator, *, road: bool) -> tuple[Array, Array]:
+def photographed(scene: World, camera: Viewpoint, rng: Generator, *, road: bool) -> tuple[Array, Array]:
     """The picture, (H, W, 3) bytes, and which pixels show the ground."""
     shape = camera.rays.shape[:2]
     found, hits = shaded(scene, camera.origin, camera.rays.reshape(-1, 3), rng)

@@ -40,10 +40,10 @@ class Clicks:
 
     def regions(self, shape: tuple[int, ...]) -> tuple[Mask, Mask]:
         """Pixels known to lie inside, and outside."""
-        return covered(self.inside, shape), covered(self.outside, shape)
+        return disc_mask(self.inside, shape), disc_mask(self.outside, shape)
 
 
-def covered(circles: tuple[Circle, ...], shape: tuple[int, ...]) -> Mask:
+def disc_mask(circles: tuple[Circle, ...], shape: tuple[int, ...]) -> Mask:
     """Pixels of circles."""
     found = np.zeros(shape[:2], np.bool_)
     for circle in circles:

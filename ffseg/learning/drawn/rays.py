@@ -53,7 +53,7 @@ class Lamp:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Scene:
+class World:
     """What there is to see.
 
     Attributes
@@ -119,7 +119,7 @@ def cast(origin: Array, rays: Array, boxes: Sequence[Box], *, ground: bool = Tru
 
 
 def shaded(
-    scene: Scene, origin: Array, rays: Array, rng: np.random.Generator, *, mirrored: bool = False
+    scene: World, origin: Array, rays: Array, rng: np.random.Generator, *, mirrored: bool = False
 ) -> tuple[Array, Hits]:
     """Colours that rays bring back, shape (N, 3), and where they ended; what is mirrored casts no shadows of its own."""
     hits = cast(origin, rays, scene.boxes)
@@ -131,7 +131,7 @@ def shaded(
     return found, hits
 
 
-def _surfaces(scene: Scene, rays: Array, hits: Hits) -> tuple[Array, Array]:
+def _surfaces(scene: World, rays: Array, hits: Hits) -> tuple[Array, Array]:
     """Albedos, or the colours of the sky, and normals."""
     found, normals = np.empty((len(rays), 3), np.float32), np.zeros((len(rays), 3), np.float32)
     sky, ground = hits.index == SKY, hits.index == GROUND
@@ -155,7 +155,7 @@ def _surfaces(scene: Scene, rays: Array, hits: Hits) -> tuple[Array, Array]:
     return found, normals
 
 
-def _light(scene: Scene, hits: Hits, normals: Array, *, shadows: bool) -> Array:
+def _light(scene: World, hits: Hits, normals: Array, *, shadows: bool) -> Array:
     light = scene.ambient * (1 + 0.15 * normals[:, 2] + 0.1 * normals[:, 0])
     solid = [box for box in scene.boxes if not box.inner]
     above = hits.place + normals * 1e-3
@@ -181,7 +181,7 @@ def _light(scene: Scene, hits: Hits, normals: Array, *, shadows: bool) -> Array:
     return np.asarray(light)
 
 
-def _openness(scene: Scene, places: Array) -> Array:
+def _openness(scene: World, places: Array) -> Array:
     """How much of the light from everywhere reaches the ground beside things."""
     near = np.full(len(places), 9.0)
     for box in scene.boxes:
@@ -190,7 +190,7 @@ def _openness(scene: Scene, places: Array) -> Array:
     return np.asarray(1 - scene.occlusion * (np.exp(-near / 0.12) + 0.3 * np.exp(-near / 0.8)) / 1.3)
 
 
-def _glossy(scene: Scene, own: Array, places: Array, rays: Array, rng: np.random.Generator) -> Array:
+def _glossy(scene: World, own: Array, places: Array, rays: Array, rng: np.random.Generator) -> Array:
     """The ground's colours with what it mirrors (Schlick's factor) and the lamps' highlights."""
     back = rays * [1, 1, -1]
     back[:, :2] += rng.normal(0, 0.004, (len(back), 2))

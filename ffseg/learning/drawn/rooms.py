@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ffseg.learning.drawn.rays import Box, Lamp, Scene
+from ffseg.learning.drawn.rays import Box, Lamp, World
 from ffseg.learning.drawn.skins import (
     Array,
     Skin,
@@ -22,7 +22,7 @@ from ffseg.learning.drawn.skins import (
 Generator = np.random.Generator
 
 
-def room(rng: Generator) -> Scene:
+def room(rng: Generator) -> World:
     """A corridor or a hall; x runs ahead, the camera stands at the origin."""
     width = float(rng.choice([rng.uniform(1.6, 3.5), rng.uniform(3, 12)]))
     length, height, aside = rng.uniform(5, 25), rng.uniform(2.3, 5), rng.uniform(-0.35, 0.35) * width
@@ -37,7 +37,7 @@ def room(rng: Generator) -> Scene:
         )
         for _ in range(int(rng.integers(1, 4)))
     ]
-    return Scene(
+    return World(
         boxes=[walls, *_along(rng, base, size, aside), *_in_the_way(rng, base), *_tables(rng, base)],
         ground=floor,
         lamps=lamps,
@@ -49,7 +49,7 @@ def room(rng: Generator) -> Scene:
     )
 
 
-def corridor(rng: Generator) -> Scene:
+def corridor(rng: Generator) -> World:
     """A long room with a glossy floor, lamps in a row under its ceiling, and what stands along its walls."""
     wide, high, long = rng.uniform(1.8, 5), rng.uniform(2.3, 4), rng.uniform(15, 50)
     aside = rng.uniform(-0.3, 0.3) * wide
@@ -61,7 +61,7 @@ def corridor(rng: Generator) -> Scene:
     apart, bright = rng.uniform(1.5, 4), plain(rng, np.full(3, rng.uniform(3, 12)), 0.0)
     places = [np.array([ahead, aside, high]) for ahead in np.arange(rng.uniform(0.3, 2), 0.8 * long, apart)]
     tubes = [Box(at - [0, 0, 0.06], np.array([rng.uniform(0.3, 1.2), 0.15, 0.05]), 0.0, bright) for at in places]
-    return Scene(
+    return World(
         boxes=[walls, *tubes, *_along(rng, base, size, aside), *(_in_the_way(rng, base) if rng.random() < 0.4 else [])],
         ground=ground(rng, base),
         lamps=[Lamp(at - [0, 0, 0.1], float(rng.uniform(0.3, 1)), 2.5) for at in places[:4]],

@@ -17,7 +17,7 @@ from ffseg.io.masks import encode_png
 from ffseg.learning.drawn.cameras import CLEAR_OF_CAMERA, mirror, perspective, photographed
 from ffseg.learning.drawn.figures import thing
 from ffseg.learning.drawn.planes import COLONIES, FIELDS, NUCLEI, ORGANS, TISSUE, parted, specks
-from ffseg.learning.drawn.rays import Scene
+from ffseg.learning.drawn.rays import World
 from ffseg.learning.drawn.rooms import corridor, room
 from ffseg.learning.drawn.skins import Array
 from ffseg.learning.drawn.streets import street
@@ -127,17 +127,17 @@ def sights(name: str, count: int, first: int = 0) -> Iterator[Sight]:
         number += 1
 
 
-def clear_of(scene: Scene, foot: Array) -> Scene:
+def clear_of(scene: World, foot: Array) -> World:
     """The scene with nothing where the camera stands, (3,) on the ground."""
     boxes = [box for box in scene.boxes if box.inner or box.distance(foot[None])[0] > CLEAR_OF_CAMERA]
     return replace(scene, boxes=boxes)
 
 
-def _clear(scene: Scene) -> Scene:
+def _clear(scene: World) -> World:
     return clear_of(scene, np.zeros(3))
 
 
-def seen_from_the_middle(scene: Scene, rng: Generator) -> Scene:
+def seen_from_the_middle(scene: World, rng: Generator) -> World:
     """The room seen from about its middle."""
     walls = scene.boxes[0]
     foot = np.array([rng.uniform(-0.2, 0.2) * walls.size[0], *walls.foot[1:]])

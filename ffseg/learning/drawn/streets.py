@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ffseg.learning.drawn.rays import Box, Scene
+from ffseg.learning.drawn.rays import Box, World
 from ffseg.learning.drawn.skins import Array, Skin, colour, leaves, look_up, noise, patched, plain, tiled, tinted
 
 Generator = np.random.Generator
 
 
-def street(rng: Generator, *, dusk: bool = True) -> Scene:
+def street(rng: Generator, *, dusk: bool = True) -> World:
     """A straight road; x runs ahead, the camera stands at the origin. At dusk streets are dark against the sky."""
     width, base = rng.uniform(4, 12), colour(rng, (0.15, 0.45), 0.08)
     aside = rng.uniform(-0.3, 0.3) * width
@@ -26,7 +26,7 @@ def street(rng: Generator, *, dusk: bool = True) -> Scene:
         lane = aside + rng.choice([-1, 1]) * width / 4 + rng.normal(0, 0.3)
         boxes += _car(rng, base, np.array([rng.uniform(5, 35), lane, 0]))
     grey = np.exp(rng.uniform(np.log(0.5), np.log(8))) if dusk else rng.uniform(0.5, 1.3)
-    return Scene(
+    return World(
         boxes=boxes,
         ground=_road(rng, base, width, aside),
         lamps=[],

@@ -18,7 +18,7 @@ from ffseg.io.snapshots import scaled_down
 from ffseg.io.starts import Start
 from ffseg.io.svg import path_data
 from ffseg.parameters import Parameters, Seed
-from ffseg.picking.picks import Picked, painted
+from ffseg.picking.picks import ImagePicks, paint_strokes
 from ffseg.pipeline import outlines_of
 from ffseg.starts.initial import start_contours
 
@@ -35,7 +35,7 @@ QUALITY = 92
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Found:
+class PickedRegion:
     """The region of what was picked.
 
     Attributes
@@ -76,7 +76,7 @@ class Found:
         }
 
 
-class Scene:
+class OpenImage:
     """An image with what it takes to answer quickly.
 
     Parameters
@@ -91,7 +91,7 @@ class Scene:
         self._widest = WIDEST
         self._copies: dict[int, NDArray[np.uint8]] = {}
         self._picture = b""
-        self._last: tuple[Picked, Parameters, Found] | None = None
+        self._last: tuple[ImagePicks, Parameters, PickedRegion] | None = None
         self._models = 0  # that were forgotten
         self._finding = Lock()  # in the whole image: who asks for what is being found waits for it
 
@@ -105,12 +105,12 @@ class Scene:
         self._picture = self._picture or encode_jpeg(self.image, QUALITY, sharp=True)
         return self._picture
 
-    def find(self, picked: Picked, params: Parameters, base: Mask | None, *, quick: bool = False) -> Found:
+    def find(self, picked: ImagePicks, params: Parameters, base: Mask | None, *, quick: bool = False) -> PickedRegion:
         """The region of what was picked.
 
         Parameters
         ----------
-        picked : Picked
+        picked : ImagePicks
         params : Parameters
             For all images; with ``edges.model`` that finds starts, a region is proposed where nothing was picked.
         base : ndarray of bool, shape (H, W), or None
@@ -130,12 +130,12 @@ class Scene:
                 self._last = (key, params, found)
         return found
 
-    def _asked(self, picked: Picked, params: Parameters, base: Mask | None, *, quick: bool) -> Found:
+    def _asked(self, picked: ImagePicks, params: Parameters, base: Mask | None, *, quick: bool) -> PickedRegion:
         begin = perf_counter()
         image, factor = self._copy() if quick else (self.image, 1.0)
         found = self._grown(image, factor, picked, params, base)
         if picked.strokes:
-            mask = painted(found.mask, picked.strokes, factor)
+            mask = paint_strokes(found.mask, picked.strokes, factor)
             found = replace(found, mask=mask, contours=outlines_of(mask), factor=factor, base=found.mask)
         ms = (perf_counter() - begin) * 1e3
         if quick and ms > PATIENCE_MS:
@@ -167,16 +167,16 @@ class Scene:
         return Bounds(domain=seen(masks.domain), start_mask=seen(masks.start), background=seen(masks.background))
 
     def _grown(
-        self, image: NDArray[np.uint8], factor: float, picked: Picked, params: Parameters, base: Mask | None
-    ) -> Found:
+        self, image: NDArray[np.uint8], factor: float, picked: ImagePicks, params: Parameters, base: Mask | None
+    ) -> PickedRegion:
         shape = (image.shape[0], image.shape[1])
         if base is not None and not picked.grows:
             levels = base.view(np.uint8) * np.uint8(255)
             mask = base if factor == 1 else _reduced(levels, max(shape))[:, :, 0] > 127
-            unheard = picked.nots or picked.probability is not None or picked.clearance is not None
+            ignored = picked.nots or picked.probability is not None or picked.clearance is not None
             said = "on a region that was there, points outside and levels count once there is a start inside; use the brush"
-            return Found(mask, outlines_of(mask), factor, said if unheard else "", source="run")
-        empty = Found(np.zeros(shape, np.bool_), (), factor)
+            return PickedRegion(mask, outlines_of(mask), factor, said if ignored else "", source="run")
+        empty = PickedRegion(np.zeros(shape, np.bool_), (), factor)
         if not picked.grows and params.edges.model is None:
             return empty
         start = replace(picked.start or Start(), found=params.edges.model is not None)
@@ -188,7 +188,7 @@ class Scene:
         except FfsegError as error:
             wrong = error if factor == 1 else self._wrong_start(start, params) or error
             return replace(empty, said=str(wrong))
-        return Found(
+        return PickedRegion(
             result.mask, result.contours, factor, "; ".join(result.messages), result.source, float(result.score)
         )
 

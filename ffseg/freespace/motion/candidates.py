@@ -29,7 +29,7 @@ FREE, FOOT = -1, -2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Scenery:
+class SegmentedImage:
     """What was segmented in an image.
 
     Attributes
@@ -46,7 +46,7 @@ class Scenery:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Evidence:
+class GroundCandidates:
     """Points of the current image that may show the ground.
 
     Attributes
@@ -69,7 +69,7 @@ class Evidence:
         return points
 
 
-def gathered(camera: Camera, grey: Grey, scenery: Scenery) -> Evidence:
+def ground_candidates(camera: Camera, grey: Grey, segmented: SegmentedImage) -> GroundCandidates:
     """All points of an image that may show the ground.
 
     Notes
@@ -77,13 +77,13 @@ def gathered(camera: Camera, grey: Grey, scenery: Scenery) -> Evidence:
     Marks are the most textured things on a bare floor, feet of boxes and walls carry edges that lie on the ground. What
     stands up among them disagrees with the rest, and is left out by the fit.
     """
-    grid = ground_grid(camera, scenery.free)
-    found = harris_points(grey, scenery.components, MOST_CORNERS)
+    grid = ground_grid(camera, segmented.free)
+    found = harris_points(grey, segmented.components, MOST_CORNERS)
     corners = strongest(found, CORNERS)
-    edges = outline_points(grey, scenery.components, EDGES)
-    feet = _thinned(camera, scenery.border)
+    edges = outline_points(grey, segmented.components, EDGES)
+    feet = _thinned(camera, segmented.border)
     owners = [np.full(len(grid), FREE), corners.owner, edges.owner, np.full(len(feet), FOOT)]
-    return Evidence(np.concatenate([grid, corners.pixels, edges.pixels, feet]), np.concatenate(owners), found)
+    return GroundCandidates(np.concatenate([grid, corners.pixels, edges.pixels, feet]), np.concatenate(owners), found)
 
 
 def ground_grid(camera: Camera, free: Mask) -> Array:
