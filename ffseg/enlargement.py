@@ -6,8 +6,8 @@ from dataclasses import replace
 from math import pi, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Image
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.magnified import magnification
 from ffseg.image.resized import resized
@@ -38,7 +38,7 @@ def enlarged(contours: tuple[FreeForm, ...], factor: int) -> tuple[FreeForm, ...
     return tuple(one.affine(factor * np.eye(2), ((factor - 1) / 2,) * 2) for one in contours)
 
 
-def _reduced(scene: Scene, factor: int, image: NDArray[np.uint8]) -> Scene:
+def _reduced(scene: Scene, factor: int, image: Image) -> Scene:
     region, callback = scene.params.region, scene.callback
     few = replace(region, min_area=-(-region.min_area // factor**2), fill_holes=-(-region.fill_holes // factor**2))
     domain, start_mask, background = (

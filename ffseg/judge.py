@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Image, Mask, Plane
 from ffseg.contour import ContourResult
 from ffseg.evidence.surroundings import STRIDE, strided
 from ffseg.geometry.freeform import FreeForm
@@ -55,7 +55,7 @@ class Doubt:
 
 
 def judge_region(
-    scene: Scene, found: ContourResult, contours: tuple[FreeForm, ...], mask: NDArray[np.bool_]
+    scene: Scene, found: ContourResult, contours: tuple[FreeForm, ...], mask: Mask
 ) -> tuple[float, tuple[Doubt, ...]]:
     """Score of a region found in a scene as it was given, and what there is to doubt.
 
@@ -79,7 +79,7 @@ def calibrated(overlap: float) -> float:
     return overlap / (overlap + HOPE * (1 - overlap))
 
 
-def expected_overlap(odds: NDArray[np.float32], mask: NDArray[np.bool_]) -> float:
+def expected_overlap(odds: Plane, mask: Mask) -> float:
     """The IoU to be expected of a region if the probabilities are true: their sum in it over that of its union.
 
     Parameters
@@ -100,9 +100,7 @@ def expected_overlap(odds: NDArray[np.float32], mask: NDArray[np.bool_]) -> floa
     return both / either if either > 0 else 0.0
 
 
-def _doubts(
-    found: ContourResult, contours: tuple[FreeForm, ...], mask: NDArray[np.bool_], domain: NDArray[np.uint8] | None
-) -> Iterator[Doubt]:
+def _doubts(found: ContourResult, contours: tuple[FreeForm, ...], mask: Mask, domain: Image | None) -> Iterator[Doubt]:
     where = "image" if domain is None else "domain"
     area, room = int(np.count_nonzero(mask)), mask.size if domain is None else int(np.count_nonzero(domain))
     if area == 0:
@@ -124,7 +122,7 @@ def _doubts(
         yield Doubt("start", ACROSS, "")
 
 
-def border_share(contours: tuple[FreeForm, ...], shape: tuple[int, ...], domain: NDArray[np.uint8] | None) -> float:
+def border_share(contours: tuple[FreeForm, ...], shape: tuple[int, ...], domain: Image | None) -> float:
     """Part of the outer contours' length, from joint to joint, within `MARGIN` px of the border of the image or the domain."""
     outer = packed_joints([contour for contour in contours if contour.signed_area > 0])
     return _core.share_within(*outer, (shape[0], shape[1]), domain, MARGIN)

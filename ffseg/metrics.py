@@ -6,11 +6,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Array, Image, Mask
 from ffseg.native import _core
-
-Mask = NDArray[np.bool_]
 
 INSIDE, IGNORED, OUTSIDE = 255, 128, 0
 """Grey levels of a truth image: the region, what does not count, and all else; any other level is outside too."""
@@ -43,7 +41,7 @@ class Scores:
     boundary_f: float
 
 
-def scores(mask: Mask, truth: NDArray[np.uint8]) -> Scores:
+def scores(mask: Mask, truth: Image) -> Scores:
     """Compare a region with a truth image.
 
     Parameters
@@ -75,7 +73,7 @@ def scores(mask: Mask, truth: NDArray[np.uint8]) -> Scores:
     return Scores(overlap, math.nan, math.nan, 0.0 if len(found) or len(true_boundary) else float(overlap == 1))
 
 
-def iou(mask: Mask, truth: NDArray[np.uint8]) -> float:
+def iou(mask: Mask, truth: Image) -> float:
     """Intersection over union on the pixels that count; 1 when both are empty."""
     inside = truth == INSIDE
     counted = truth != IGNORED
@@ -83,7 +81,7 @@ def iou(mask: Mask, truth: NDArray[np.uint8]) -> float:
     return float(np.count_nonzero(mask & inside) / either) if either else 1.0
 
 
-def boundary(mask: Mask, counted: Mask) -> NDArray[np.float64]:
+def boundary(mask: Mask, counted: Mask) -> Array:
     """Midpoints (x, y), shape (M, 2), of the sides between inside and outside where both pixels count."""
     across = (mask[:, 1:] != mask[:, :-1]) & counted[:, 1:] & counted[:, :-1]
     down = (mask[1:] != mask[:-1]) & counted[1:] & counted[:-1]
@@ -92,7 +90,7 @@ def boundary(mask: Mask, counted: Mask) -> NDArray[np.float64]:
     return np.concatenate([np.stack([x + 0.5, y], axis=1), np.stack([u, v + 0.5], axis=1)]).astype(np.float64)
 
 
-def _boundary_scores(found: NDArray[np.float64], true_boundary: NDArray[np.float64]) -> tuple[float, float, float]:
+def _boundary_scores(found: Array, true_boundary: Array) -> tuple[float, float, float]:
     out, back = _core.nearest_distances(found, true_boundary), _core.nearest_distances(true_boundary, found)
     precision = float((out <= BOUNDARY_TOLERANCE).mean())
     recall = float((back <= BOUNDARY_TOLERANCE).mean())

@@ -6,8 +6,8 @@ from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Mask
 from ffseg.contour import ContourResult, contour, trial_result
 from ffseg.enlargement import before_enlargement, enlarged
 from ffseg.errors import ParameterError
@@ -162,7 +162,7 @@ def contour_of(scene: Scene) -> ContourResult:
     return contour(scene) if trial is None or scene.callback is not None else trial
 
 
-def region(found: ContourResult) -> tuple[tuple[FreeForm, ...], NDArray[np.bool_]]:
+def region(found: ContourResult) -> tuple[tuple[FreeForm, ...], Mask]:
     """Contours and mask; of a mask alone, and of what closes in from outside the domain, cut to it, outlines are traced."""
     outcome, scene = found.outcome, found.scene
     mask = outcome.mask
@@ -176,14 +176,14 @@ def region(found: ContourResult) -> tuple[tuple[FreeForm, ...], NDArray[np.bool_
     return outlines_of(inside), inside
 
 
-def _begins_outside(scene: Scene, mask: NDArray[np.bool_]) -> bool:
+def _begins_outside(scene: Scene, mask: Mask) -> bool:
     """Whether what closes in has something outside the domain, where it may begin and not move."""
     if scene.params.contour.balloon > 0 or scene.domain is None:
         return False
     return bool(mask[distances(scene.domain == 0) > SETTLED].any())
 
 
-def outlines_of(mask: NDArray[np.bool_]) -> tuple[FreeForm, ...]:
+def outlines_of(mask: Mask) -> tuple[FreeForm, ...]:
     """Contours of degree 1 half-way between pixels inside and outside; they rasterise to the mask exactly."""
     points, ends = _core.mask_outlines(np.ascontiguousarray(mask).view(np.uint8))
     return unpacked(points.reshape(-1, 2), ends, 1)
@@ -209,7 +209,7 @@ def fallback_messages(scene: Scene) -> tuple[str, ...]:
     return (f"{who} nowhere crosses {level}: the image's own edges decide",)
 
 
-def left_out(scene: Scene, found: ContourResult, mask: NDArray[np.bool_]) -> tuple[str, ...]:
+def left_out(scene: Scene, found: ContourResult, mask: Mask) -> tuple[str, ...]:
     """What to say of a start mask that lies in the domain for a part, and of starts that the method's region has lost."""
     messages: list[str] = []
     if scene.start_mask is not None and scene.domain is not None:
@@ -223,7 +223,7 @@ def left_out(scene: Scene, found: ContourResult, mask: NDArray[np.bool_]) -> tup
     return tuple(messages)
 
 
-def _has_middle(start: FreeForm, mask: NDArray[np.bool_]) -> bool:
+def _has_middle(start: FreeForm, mask: Mask) -> bool:
     """Whether a mask has the pixel nearest to the middle of a start: mostly it does, and that is known at once."""
     middle = start.control_points.mean(axis=0).tolist()
     column, row = (min(max(round(at), 0), size - 1) for at, size in zip(middle, mask.shape[::-1], strict=True))

@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.arrays import Image
 from ffseg.camera.footprint import Footprint
 from ffseg.errors import ParameterError, SegmentationError
 from ffseg.geometry.freeform import FreeForm
@@ -17,8 +18,6 @@ from ffseg.image.edges import EdgeMap
 from ffseg.image.raster import rasterize
 from ffseg.parameters import Box, Parameters
 from ffseg.plugins import Method
-
-Plane = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -160,16 +159,16 @@ class Scene:
     ((600, 800), 'freeform', ())
     """
 
-    image: Plane
+    image: Image
     params: Parameters = field(default_factory=Parameters)
     method: Method | None = None
     edges: EdgeMap = NO_EDGES
     edges_given: bool = False
     starts: tuple[FreeForm, ...] = ()
-    domain: Plane | None = None
-    disc: Plane | None = None
-    start_mask: Plane | None = None
-    background: Plane | None = None
+    domain: Image | None = None
+    disc: Image | None = None
+    start_mask: Image | None = None
+    background: Image | None = None
     evidence: NDArray[np.float32] | None = None
     center: tuple[float, float] | None = None
     robot: float = 0.0

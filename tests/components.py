@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from ffseg.arrays import Mask
 from ffseg.image.components import Component
-from ffseg.image.keypoints import Mask
 
 
 def component_of(index: int, mask: Mask) -> Component:

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from ffseg.arrays import Array
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion
-from ffseg.camera.projections import Array
 
 
 def triangulate(camera: Camera, motion: Motion, current: Array, previous: Array) -> tuple[Array, Array]:

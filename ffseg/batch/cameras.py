@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Image
 from ffseg.batch.plan.sources import InputImage
 from ffseg.batch.workers.pictures import read_source
 from ffseg.errors import ImageReadError, SegmentationError, UsageError
@@ -84,7 +84,7 @@ def write_own_image(camera: CameraImages, most: int) -> OwnImage:
     return OwnImage(camera.out, images, len(places) - len(unread), float(own.mean()), tuple(unread))
 
 
-def _read(sources: Sequence[InputImage], unread: list[str]) -> Iterator[NDArray[np.uint8]]:
+def _read(sources: Sequence[InputImage], unread: list[str]) -> Iterator[Image]:
     """The images that can be read, of one size; what is wrong with others is added to `unread`."""
     shape: tuple[int, ...] | None = None
     for source in sources:

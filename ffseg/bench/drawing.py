@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from ffseg.arrays import Array, Image, Mask, Plane
 
 WIDTH, HEIGHT = 800, 600
 """The plane the shapes are laid out in; an image of another width shows it scaled."""
@@ -20,8 +21,7 @@ NOISE = 3.0
 LONG = 1_000_000
 """Iterations: a large image takes as many as it needs."""
 
-Plane = NDArray[np.float32]
-Shapes = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+Shapes = tuple[Array, Array, Array]
 """Waves of the outline (amplitude, phase), islands (x, y, half axes, direction), walls (x0, y0, x1, y1, half width)."""
 
 
@@ -29,8 +29,8 @@ Shapes = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 class Drawing:
     """An image and the ground in it, which the disc of `start_radius` pixels round the middle is part of."""
 
-    image: NDArray[np.uint8]
-    ground: NDArray[np.bool_]
+    image: Image
+    ground: Mask
     start_radius: float
 
 
@@ -80,7 +80,7 @@ def _free(shapes: Shapes, x: Plane, y: Plane, scale: float) -> Plane:
     return share
 
 
-def _beyond_island(island: NDArray[np.float64], x: Plane, y: Plane) -> Plane:
+def _beyond_island(island: Array, x: Plane, y: Plane) -> Plane:
     cx, cy, a, b, turn = (np.float32(value) for value in island)
     c, s = np.cos(turn), np.sin(turn)
     u, v = c * (x - cx) + s * (y - cy), c * (y - cy) - s * (x - cx)
@@ -88,7 +88,7 @@ def _beyond_island(island: NDArray[np.float64], x: Plane, y: Plane) -> Plane:
     return distance
 
 
-def _beyond_wall(wall: NDArray[np.float64], x: Plane, y: Plane) -> Plane:
+def _beyond_wall(wall: Array, x: Plane, y: Plane) -> Plane:
     x0, y0, x1, y1, half = (np.float32(value) for value in wall)
     dx, dy = x1 - x0, y1 - y0
     along = np.clip(((x - x0) * dx + (y - y0) * dy) / (dx * dx + dy * dy), 0, 1)

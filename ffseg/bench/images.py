@@ -11,8 +11,8 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Image, Mask
 from ffseg.batch.workers.pictures import read_truth
 from ffseg.bench.drawing import LONG, draw
 from ffseg.bench.measure import Fact, Schedule, Skipped, Task, TaskGroup, timed
@@ -57,8 +57,8 @@ class Picture:
     """An image to measure on, its truth (255 inside, 128 ignored, 0 outside) if known, and parameters."""
 
     name: str
-    image: NDArray[np.uint8]
-    truth: NDArray[np.uint8] | None
+    image: Image
+    truth: Image | None
     params: Parameters
 
 
@@ -107,7 +107,7 @@ def _beside(picture: Picture, name: str) -> TaskGroup:
     return TaskGroup("peers", f"{picture.name}, {name}", grey_image(picture.image), tasks, facts, [ratio])
 
 
-def _score(mask: NDArray[np.bool_], picture: Picture) -> float:
+def _score(mask: Mask, picture: Picture) -> float:
     return round(iou(mask, picture.truth), 5) if picture.truth is not None else float("nan")
 
 

@@ -10,8 +10,8 @@ from time import perf_counter, process_time
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Image
 from ffseg.image.reference import one_thread, reference_kernel
 from ffseg.plugins import SEGMENTERS
 
@@ -71,7 +71,7 @@ class TaskGroup:
 
     suite: str
     name: str
-    grey: NDArray[np.uint8]
+    grey: Image
     tasks: Sequence[Task]
     facts: Mapping[str, Fact]
     comparisons: Sequence[tuple[str, str, str]] = ()

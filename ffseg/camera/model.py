@@ -7,12 +7,10 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ffseg.camera.projections import Array, Projection
+from ffseg.arrays import Array, Mask
+from ffseg.camera.projections import Projection
 from ffseg.errors import CalibrationError
-
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,8 +10,8 @@ from typing import Literal
 
 import numpy as np
 
+from ffseg.arrays import Array
 from ffseg.camera.model import Camera
-from ffseg.camera.projections import Array
 from ffseg.errors import CalibrationError
 
 ROTATION_SLACK = 1e-2

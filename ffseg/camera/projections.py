@@ -9,9 +9,8 @@ from typing import Protocol
 
 import numpy as np
 from numpy.polynomial.polynomial import polyroots, polyval
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ffseg.arrays import Array
 
 NEWTON_STEPS = 60
 """More than any well-posed inversion takes (under 10); what has not converged by then has no ray."""

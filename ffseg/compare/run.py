@@ -10,9 +10,7 @@ from math import floor
 from statistics import median
 from time import perf_counter
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ffseg.arrays import Image
 from ffseg.batch.plan.jobs import make_plan, with_domains, with_evidence, with_starts
 from ffseg.batch.plan.sources import STATE_FOLDER, Job
 from ffseg.batch.record.lock import OutputLock
@@ -243,7 +241,7 @@ def _middle(runs: Sequence[_Run]) -> _Run:
     return replace(row, **times), result
 
 
-def _scored(row: Row, result: Segmentation, truth: NDArray[np.uint8] | None) -> Row:
+def _scored(row: Row, result: Segmentation, truth: Image | None) -> Row:
     row = replace(row, holes=result.num_holes)
     if truth is None:
         return row

@@ -8,8 +8,8 @@ from pathlib import Path
 from statistics import mean
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Mask, Plane
 from ffseg.evidence.features import KNOWN
 from ffseg.evidence.forest import ARRAYS, Forest, shipped
 
@@ -31,7 +31,7 @@ def base() -> Forest:
     return shipped(BASE, KNOWN)[0].inside
 
 
-def odds_of(forest: Forest, rows: NDArray[np.float32]) -> NDArray[np.float32]:
+def odds_of(forest: Forest, rows: Plane) -> Plane:
     """Log odds of inside that a forest gives pixels.
 
     Parameters
@@ -45,7 +45,7 @@ def odds_of(forest: Forest, rows: NDArray[np.float32]) -> NDArray[np.float32]:
     """
     padded = np.zeros((len(forest.features), -(-len(rows) // ROW) * ROW), np.float32)
     padded[:, : len(rows)] = rows[:, [KNOWN.index(name) for name in forest.features]].T
-    found: NDArray[np.float32] = forest.log_odds(padded.reshape(len(padded), -1, ROW)).ravel()[: len(rows)]
+    found: Plane = forest.log_odds(padded.reshape(len(padded), -1, ROW)).ravel()[: len(rows)]
     return found
 
 
@@ -54,7 +54,7 @@ def enough_of(masks: int) -> float:
     return float(SERVES + SPREAD / masks**0.5)
 
 
-def mean_overlap(odds: Sequence[NDArray[np.float32]], inside: Sequence[NDArray[np.bool_]]) -> float:
+def mean_overlap(odds: Sequence[Plane], inside: Sequence[Mask]) -> float:
     """Mean over images of the IoU on their pixels."""
     overlaps = []
     for one, known in zip(odds, inside, strict=True):

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.arrays import Image, Plane
 from ffseg.errors import SegmentationError
 from ffseg.evidence.clicks import with_clicks
 from ffseg.evidence.features import BARRIER, PLAIN, STEP, Features, enlarged, features, way
@@ -30,8 +31,6 @@ from ffseg.image.resized import resized
 from ffseg.native import _core
 from ffseg.parameters import Box
 from ffseg.scene import Scene
-
-Plane = NDArray[np.float32]
 
 MODEL = Path(__file__).with_name("box.ffmodel")
 
@@ -94,7 +93,7 @@ def box_edges(scene: Scene) -> EdgeMap:
     return odds_edges(odds, scene.params.region.probability, own, "box")
 
 
-def in_box(image: NDArray[np.uint8], box: Box) -> tuple[tuple[slice, slice], NDArray[np.float32]]:
+def in_box(image: Image, box: Box) -> tuple[tuple[slice, slice], Plane]:
     """Evidence of the object in a box.
 
     Parameters
@@ -121,7 +120,7 @@ def in_box(image: NDArray[np.uint8], box: Box) -> tuple[tuple[slice, slice], NDA
     return window, view.enlarged(blurred(_with_cut(odds, image, view), SMOOTHING / STRIDE))
 
 
-def _with_cut(odds: Plane, image: NDArray[np.uint8], view: BoxView) -> Plane:
+def _with_cut(odds: Plane, image: Image, view: BoxView) -> Plane:
     """Log odds after neighbours have voted; a cut by colours that finds much the same as they do has its say."""
     found = voted(odds, view.seen)
     height, width = (max(LEAST_SIDE, side * CUT_SIZE // SIZE) for side in view.seen.shape)
@@ -172,7 +171,7 @@ class BoxView:
         return whole[self.inner]
 
 
-def box_view(image: NDArray[np.uint8], window: tuple[slice, slice]) -> BoxView | None:
+def box_view(image: Image, window: tuple[slice, slice]) -> BoxView | None:
     """A box, given as its rows and columns, and its surroundings; None where it leaves nothing outside."""
     wide = max(2, round(AROUND * sum(part.stop - part.start for part in window) / 2))
     rows, columns = (
@@ -212,7 +211,7 @@ def all_planes(view: BoxView) -> Plane:
     return planes
 
 
-def _from_core(seen: Features, core: NDArray[np.uint8], others_way: Plane, out: Plane) -> None:
+def _from_core(seen: Features, core: Image, others_way: Plane, out: Plane) -> None:
     """Write what stands on ways from the core, and how much likelier a colour is in the core than outside the box."""
     planes = np.empty((1 + len(COLOURS), *core.shape), np.float32)
     write_strided(seen, ("slope@1.5", *COLOURS), planes)

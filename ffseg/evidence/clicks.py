@@ -16,8 +16,8 @@ from functools import cached_property, partial
 from hashlib import blake2b
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Image, Mask, Plane
 from ffseg.evidence import hints, prior
 from ffseg.evidence.features import enlarged, reduced_mean, reduced_shape, reduction
 from ffseg.evidence.gradient import gradient
@@ -35,9 +35,6 @@ from ffseg.starts.boxes import in_boxes
 from ffseg.starts.initial import circle_start, middles
 from ffseg.starts.parts import start_core
 from ffseg.starts.rivals import POINT_RADIUS, add_disc, seeds
-
-Plane = NDArray[np.float32]
-Region = NDArray[np.bool_]
 
 REACH = 4.0
 """Radius round a click within which it counts, in parts of its depth: its distance to the nearest pixel of its side."""
@@ -76,12 +73,12 @@ class ClickedImage:
         Pixels of the domain; None means all.
     """
 
-    image: NDArray[np.uint8]
-    inside: Region
-    outside: Region
+    image: Image
+    inside: Mask
+    outside: Mask
     base: Plane | None
     level: float
-    within: Region | None
+    within: Mask | None
 
     @property
     def factor(self) -> int:
@@ -97,18 +94,18 @@ class ClickedImage:
         """The base, in such a plane."""
         return None if self.base is None else self.reduced(self.base)
 
-    def region(self, pixels: Region) -> Region:
+    def region(self, pixels: Mask) -> Mask:
         """Where at least half of such a pixel lies in a region; if that is nowhere, any of it, or of its neighbours."""
         shares = self.reduced(pixels.astype(np.float32))
         if not shares.any():
             shares = reduced_mean(pixels.astype(np.float32), self.factor * STRIDE)
         return shares >= HALF if (shares >= HALF).any() else shares > 0
 
-    def enlarged(self, plane: Plane | Region) -> Plane:
+    def enlarged(self, plane: Plane | Mask) -> Plane:
         """Such a plane at the size of the image."""
         return enlarged(plane.astype(np.float32), self.factor, self.inside.shape, STRIDE)
 
-    def disc(self, click: Click) -> Region:
+    def disc(self, click: Click) -> Mask:
         """The disc of a click in such a plane; the pixel in its middle always belongs to it."""
         height, width = reduced_shape(reduced_shape(self.inside.shape, self.factor), STRIDE)
         row, column = (((at + 0.5) / self.factor - 0.5) / STRIDE for at in (click.y, click.x))
@@ -117,17 +114,17 @@ class ClickedImage:
         found[min(max(round(row), 0), height - 1), min(max(round(column), 0), width - 1)] = True
         return found
 
-    def correction(self, before: ClickState, disc: Region, inside: bool, first_outside: bool) -> hints.Correction:
+    def correction(self, before: ClickState, disc: Mask, inside: bool, first_outside: bool) -> hints.Correction:
         """A click on such a disc, beside the state before it."""
         region = before.odds > self.level
         depth = float(distances(~region if inside else region)[disc].max())
         return hints.Correction(disc, inside, before.odds, depth, first_outside and not inside)
 
-    def near(self, click: hints.Correction) -> Region:
+    def near(self, click: hints.Correction) -> Mask:
         """Where a click counts."""
         return distances(~click.disc) <= REACH * click.depth
 
-    def known(self, clicks: Sequence[Click]) -> tuple[Region, Region]:
+    def known(self, clicks: Sequence[Click]) -> tuple[Mask, Mask]:
         """Pixels known to lie inside and outside after some clicks; what both claim lies inside."""
         inside, outside = self.inside.copy(), self.outside.copy()
         for click in clicks:
@@ -162,8 +159,8 @@ class ClickState:
     """
 
     odds: Plane
-    counted: Region
-    stays: Region
+    counted: Mask
+    stays: Mask
 
 
 def hint_edges(scene: Scene) -> EdgeMap:
@@ -230,7 +227,7 @@ def _in_boxes(scene: Scene, odds: Plane) -> Scene:
     return in_boxes(growing, np.where(outside, np.float32(-CERTAIN), odds))
 
 
-def _first(scene: Scene, inside: Region) -> tuple[Region, list[Click]]:
+def _first(scene: Scene, inside: Mask) -> tuple[Mask, list[Click]]:
     """What is known to lie inside at first, and the circles that follow: of circles alone the first begins."""
     circles = () if scene.start_mask is not None else scene.params.init.circles
     begun = rasterize(scene.starts[len(circles) :], scene.shape) & inside
@@ -270,10 +267,10 @@ def _remembered(key: tuple[bytes | Click, ...], make: Callable[[], ClickState | 
     return found
 
 
-_viewed: dict[bytes, tuple[Region, prior.PriorView]] = {}
+_viewed: dict[bytes, tuple[Mask, prior.PriorView]] = {}
 
 
-def _view(clicked: ClickedImage, inside: Region) -> prior.PriorView:
+def _view(clicked: ClickedImage, inside: Mask) -> prior.PriorView:
     """What the prior looks at from a region; the last is kept, as a click outside changes nothing of it."""
     last = _viewed.get(clicked.digest)
     if last is None or not np.array_equal(last[0], inside):
@@ -312,7 +309,7 @@ def _state_after(
 
 
 def next_state(
-    clicked: ClickedImage, before: ClickState, near: Plane, elsewhere: Plane, inside: Region, click: hints.Correction
+    clicked: ClickedImage, before: ClickState, near: Plane, elsewhere: Plane, inside: Mask, click: hints.Correction
 ) -> ClickState:
     """The state after a click: log odds `near` where they turn pixels near it to its side, `elsewhere` in other places."""
     disc, now, then = click.disc, near > clicked.level, elsewhere > clicked.level
@@ -327,7 +324,7 @@ def next_state(
     return ClickState(odds, before.counted | counted, stays)
 
 
-def _at_full_size(clicked: ClickedImage, state: ClickState) -> tuple[Plane, Region]:
+def _at_full_size(clicked: ClickedImage, state: ClickState) -> tuple[Plane, Mask]:
     """Log odds and the region at the size of the image; where no click counted, with the details of the base."""
     odds = clicked.enlarged(state.odds)
     if clicked.base is not None and clicked.reduced_base is not None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.arrays import Image, Mask, Plane
 from ffseg.errors import SegmentationError
 from ffseg.evidence.openings import OPEN, open_areas
 from ffseg.native import _core
@@ -84,15 +85,15 @@ class Features:
         (H, W) of the image.
     """
 
-    planes: NDArray[np.float32]
+    planes: Plane
     names: tuple[str, ...]
-    inside: NDArray[np.uint8]
+    inside: Image
     factor: int
     shape: tuple[int, int]
 
-    def __getitem__(self, name: str) -> NDArray[np.float32]:
+    def __getitem__(self, name: str) -> Plane:
         """The plane of that name, shape (h, w)."""
-        plane: NDArray[np.float32] = self.planes[self.names.index(name)]
+        plane: Plane = self.planes[self.names.index(name)]
         return plane
 
 
@@ -102,11 +103,7 @@ def reduction(shape: tuple[int, ...], size: int = WORKING_SIZE) -> int:
 
 
 def features(
-    image: NDArray[np.uint8],
-    start: NDArray[np.bool_],
-    size: int = WORKING_SIZE,
-    names: tuple[str, ...] = NAMES,
-    least: float = 0.0,
+    image: Image, start: Mask, size: int = WORKING_SIZE, names: tuple[str, ...] = NAMES, least: float = 0.0
 ) -> Features:
     """Features of an image, seen from a start region.
 
@@ -156,12 +153,12 @@ def features(
     return found
 
 
-def way(slope: NDArray[np.float32], inside: NDArray[np.uint8], out: NDArray[np.float32]) -> None:
+def way(slope: Plane, inside: Image, out: Plane) -> None:
     """Write the length of the shortest way from the start over gradients."""
     _core.evidence_geodesic(slope, inside, WAY_STEP, LEAST_COST, out)
 
 
-def reduced_region(region: NDArray[np.bool_], factor: int) -> NDArray[np.uint8]:
+def reduced_region(region: Mask, factor: int) -> Image:
     """A region at the reduced size: blocks of which at least half lies inside, or, if there are none, any.
 
     Raises
@@ -180,7 +177,7 @@ def reduced_region(region: NDArray[np.bool_], factor: int) -> NDArray[np.uint8]:
     return found
 
 
-def broadened(inside: NDArray[np.uint8], least: float) -> NDArray[np.uint8]:
+def broadened(inside: Image, least: float) -> Image:
     """A region with what lies so near to it that a disc of its area would have the radius `least`."""
     reach = least - np.sqrt(np.count_nonzero(inside) / np.pi)
     if reach <= 0:
@@ -199,14 +196,14 @@ def reduced_shape(shape: tuple[int, ...], factor: int) -> tuple[int, int]:
     return -(-shape[0] // factor), -(-shape[1] // factor)
 
 
-def reduced_mean(plane: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
+def reduced_mean(plane: Plane, factor: int) -> Plane:
     """Means over blocks of ``factor`` x ``factor`` pixels; those at the far borders may be smaller."""
     counts = [np.minimum(np.arange(size, 0, -factor), factor) for size in plane.shape]
     sums = _sums_of_rows(_sums_of_rows(plane, factor).T, factor).T
     return np.ascontiguousarray(sums / (counts[0][:, None] * counts[1]), np.float32)
 
 
-def _sums_of_rows(plane: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
+def _sums_of_rows(plane: Plane, factor: int) -> Plane:
     """Sums over so many rows at a time; a slice a row of the blocks, as np.add.reduceat takes five to ten times as long."""
     found = plane[::factor].copy()
     for row in range(1, factor):
@@ -215,7 +212,7 @@ def _sums_of_rows(plane: NDArray[np.float32], factor: int) -> NDArray[np.float32
     return found
 
 
-def enlarged(plane: NDArray[np.float32], factor: int, shape: tuple[int, int], stride: int = 1) -> NDArray[np.float32]:
+def enlarged(plane: Plane, factor: int, shape: tuple[int, int], stride: int = 1) -> Plane:
     """A reduced plane at the size of the image: between the middles of the blocks, linear.
 
     Parameters

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.arrays import Image, Mask, Plane
 from ffseg.errors import ImageReadError, ParameterError
 from ffseg.evidence.features import KNOWN, NAMES, WORKING_SIZE, Features, enlarged, features
 from ffseg.evidence.openings import OPEN
@@ -43,7 +44,6 @@ ARRAYS = (
     ("value", "<f4", "leaves"),
 )
 """Name, type and count of each array, in the order of the file. A child below zero is the leaf ``-1 - child``."""
-Plane = NDArray[np.float32]
 MOST_PRIOR = 10.0
 """Weight of the prior."""
 VOTE = 14.0
@@ -81,7 +81,7 @@ class Forest:
         arrays = {name: np.ascontiguousarray(self.arrays[name], kind[1:]) for name, kind, _ in ARRAYS}
         return _core.EvidenceForest(**arrays, features=len(self.features))
 
-    def log_odds(self, planes: NDArray[np.float32], native: _core.EvidenceForest | None = None) -> Plane:
+    def log_odds(self, planes: Plane, native: _core.EvidenceForest | None = None) -> Plane:
         """Log odds of inside for each pixel, shape (h, w).
 
         Parameters
@@ -96,7 +96,7 @@ class Forest:
         found: Plane = score + np.float32(self.bias)
         return found
 
-    def probability(self, planes: NDArray[np.float32], native: _core.EvidenceForest | None = None) -> Plane:
+    def probability(self, planes: Plane, native: _core.EvidenceForest | None = None) -> Plane:
         """Probability of inside for each reduced pixel.
 
         Parameters
@@ -143,12 +143,12 @@ class Model:
     exposed: bool = False
     prior: float = 0.0
 
-    def look(self, image: NDArray[np.uint8], start: NDArray[np.bool_]) -> Features:
+    def look(self, image: Image, start: Mask) -> Features:
         """The features that the model needs of an image, seen from a start region (see `features`)."""
         opened = not OPEN_NAMES.isdisjoint(self.inside.features)
         return features(self.shown(image), start, self.size, KNOWN if opened else NAMES)
 
-    def shown(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    def shown(self, image: Image) -> Image:
         """The image as the model looks at it."""
         return normalised_exposure(image) if self.exposed else image
 

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Image, Mask, Plane
 from ffseg.evidence import prior
 from ffseg.evidence.features import BARRIER, Features, broadened, reduced_region, way
 from ffseg.evidence.forest import shipped
@@ -25,9 +25,6 @@ from ffseg.evidence.surroundings import STRIDE, barriers, colours_of, likelier, 
 from ffseg.image.free import distances
 from ffseg.image.parts import Parts, scattered
 from ffseg.native import _core
-
-Plane = NDArray[np.float32]
-Region = NDArray[np.bool_]
 
 MODEL = Path(__file__).with_name("hints.ffmodel")
 
@@ -101,7 +98,7 @@ class Correction:
         Whether it is the first outside, and so the first to tell of both sides.
     """
 
-    disc: Region
+    disc: Mask
     inside: bool
     before: Plane
     depth: float
@@ -121,7 +118,7 @@ class HintView:
     """
 
     own: prior.PriorView
-    outside: NDArray[np.uint8]
+    outside: Image
 
     @property
     def seen(self) -> Features:
@@ -139,11 +136,7 @@ class HintView:
 
 
 def hints(
-    see: Callable[[Region], prior.PriorView],
-    inside: Region,
-    outside: Region,
-    click: Correction,
-    base: Plane | None = None,
+    see: Callable[[Mask], prior.PriorView], inside: Mask, outside: Mask, click: Correction, base: Plane | None = None
 ) -> tuple[Plane, Plane] | None:
     """Log odds of inside after the last click, a correction of those before it.
 
@@ -186,7 +179,7 @@ def near_and_elsewhere(odds: Plane, view: HintView, click: Correction) -> tuple[
     return near, click.before + np.float32(SAY) * (again - click.before)
 
 
-def showing(inside: Region, outside: Region) -> tuple[tuple[Region, int], tuple[Region, int]]:
+def showing(inside: Mask, outside: Mask) -> tuple[tuple[Mask, int], tuple[Mask, int]]:
     """Parts of clicks on either side that show what they lie on (`SHOWS`), at least the widest inside, and their number."""
     sides = list(scattered(inside)), list(scattered(outside))
     widest = [max((float(one.areas.max()) for _, one in side), default=0.0) for side in sides]
@@ -196,7 +189,7 @@ def showing(inside: Region, outside: Region) -> tuple[tuple[Region, int], tuple[
 
 def _at_least(
     side: Sequence[tuple[tuple[slice, slice], Parts]], area: float, shape: tuple[int, ...]
-) -> tuple[Region, int]:
+) -> tuple[Mask, int]:
     """The parts of so many pixels as one mask, and their number."""
     kept = np.zeros(shape, np.bool_)
     for window, found in side:
@@ -204,7 +197,7 @@ def _at_least(
     return kept, sum(len(found.touching(kept[window])) for window, found in side)
 
 
-def hint_view(own: prior.PriorView, outside: Region) -> HintView:
+def hint_view(own: prior.PriorView, outside: Mask) -> HintView:
     """The image, seen from what is known to lie inside, and from what is known to lie outside, shape (H, W)."""
     inside = own.seen.inside
     beyond = (
@@ -281,12 +274,12 @@ def _last_click(
     ]
 
 
-def _halved(region: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _halved(region: Image) -> Image:
     """A region at every `STRIDE`-th pixel: where half of these lie in it, or, if there are none, any."""
     return reduced_region(region > 0, STRIDE) if region.any() else strided(region)
 
 
-def _distance(region: NDArray[np.uint8]) -> Plane:
+def _distance(region: Image) -> Plane:
     """Distance to a region in parts of the root of the area."""
     length = np.empty(region.shape, np.float32)
     _core.evidence_geodesic(np.zeros_like(length), region, 1.0, 1, length)

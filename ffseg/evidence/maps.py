@@ -8,6 +8,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.arrays import Plane
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap
 from ffseg.native import _core
 
@@ -46,7 +47,7 @@ def log_odds(probability: float) -> float:
     return log(probability / (1 - probability))
 
 
-def at_level(probability: NDArray[np.float32], level: float) -> NDArray[np.float32]:
+def at_level(probability: Plane, level: float) -> Plane:
     """Probabilities whose odds are divided by those of a level, which becomes one half; 0 and 1 stay.
 
     Parameters
@@ -58,17 +59,14 @@ def at_level(probability: NDArray[np.float32], level: float) -> NDArray[np.float
     """
     if level == LEVEL:
         return probability
-    inside: NDArray[np.float32] = probability * np.float32(1 - level)
-    outside: NDArray[np.float32] = (1 - probability) * np.float32(level)
-    found: NDArray[np.float32] = inside / (inside + outside)
+    inside: Plane = probability * np.float32(1 - level)
+    outside: Plane = (1 - probability) * np.float32(level)
+    found: Plane = inside / (inside + outside)
     return found
 
 
 def evidence_edges(
-    probability: NDArray[np.float32],
-    image_edges: EdgeMap,
-    source: str = "evidence",
-    odds: NDArray[np.float32] | None = None,
+    probability: Plane, image_edges: EdgeMap, source: str = "evidence", odds: Plane | None = None
 ) -> EdgeMap:
     """An edge map whose edges run where the probability of inside falls to one half.
 
@@ -99,14 +97,14 @@ def evidence_edges(
     return EdgeMap(gradient, edges, image_edges.domain, image_edges.thresholds, source, odds)
 
 
-def certain_odds(probability: NDArray[np.float32]) -> NDArray[np.float32]:
+def certain_odds(probability: Plane) -> Plane:
     """Log odds of probabilities, as far as they are believed (`MOST_CERTAIN`)."""
     certain = np.clip(probability, 1 - MOST_CERTAIN, MOST_CERTAIN)
-    odds: NDArray[np.float32] = np.log(certain / (1 - certain))
+    odds: Plane = np.log(certain / (1 - certain))
     return odds
 
 
-def odds_edges(odds: NDArray[np.float32], probability: float, image_edges: EdgeMap, source: str) -> EdgeMap:
+def odds_edges(odds: Plane, probability: float, image_edges: EdgeMap, source: str) -> EdgeMap:
     """An edge map whose edges run where log odds fall to those of a probability: as `evidence_edges`.
 
     Parameters
@@ -121,7 +119,7 @@ def odds_edges(odds: NDArray[np.float32], probability: float, image_edges: EdgeM
     return evidence_edges(np.clip(np.float32(0.5) + np.float32(0.25) * odds, 0, 1), image_edges, source, odds)
 
 
-def strength_edges(strength: NDArray[np.float32], image_edges: EdgeMap) -> EdgeMap:
+def strength_edges(strength: Plane, image_edges: EdgeMap) -> EdgeMap:
     """An edge map whose edges are where a map of edge strength reaches one half.
 
     Parameters
@@ -139,11 +137,11 @@ def strength_edges(strength: NDArray[np.float32], image_edges: EdgeMap) -> EdgeM
     return EdgeMap(gradient.astype(np.uint16), edges, image_edges.domain, (low, 2 * low), image_edges.source)
 
 
-def _crosses(values: NDArray[np.float32], level: float) -> bool:
+def _crosses(values: Plane, level: float) -> bool:
     return bool(values.min() < level <= values.max())
 
 
-def blurred(plane: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
+def blurred(plane: Plane, sigma: float) -> Plane:
     """A plane smoothed by a Gaussian of that standard deviation, px."""
     out = np.empty_like(plane)
     _core.evidence_blur(np.ascontiguousarray(plane), sigma, out)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Image, Plane
 from ffseg.evidence.maps import widened
 from ffseg.image.edges import edge_map
 from ffseg.native import _core
@@ -20,7 +20,7 @@ OPEN = (*(f"open{width}" for width in PASSAGES), *(f"open{width}~" for width in 
 """Names of the planes in their order: 1 on open areas and 0 elsewhere, then the same smoothed."""
 
 
-def open_areas(image: NDArray[np.uint8], inside: NDArray[np.uint8], factor: int, out: NDArray[np.float32]) -> None:
+def open_areas(image: Image, inside: Image, factor: int, out: Plane) -> None:
     """Write the planes that ``OPEN`` names.
 
     Parameters
@@ -47,8 +47,8 @@ def open_areas(image: NDArray[np.uint8], inside: NDArray[np.uint8], factor: int,
         _core.evidence_blur(out[place], SMOOTHING, out[place + len(PASSAGES)])
 
 
-def _reduced_any(edges: NDArray[np.uint8], factor: int) -> NDArray[np.uint8]:
+def _reduced_any(edges: Image, factor: int) -> Image:
     """1 where a block of ``factor`` x ``factor`` pixels holds an edge."""
     rows, columns = (np.arange(0, length, factor) for length in edges.shape)
-    found: NDArray[np.uint8] = np.maximum.reduceat(np.maximum.reduceat(edges, rows, axis=0), columns, axis=1)
+    found: Image = np.maximum.reduceat(np.maximum.reduceat(edges, rows, axis=0), columns, axis=1)
     return np.minimum(found, np.uint8(1))

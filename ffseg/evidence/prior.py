@@ -12,8 +12,8 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Image, Mask, Plane
 from ffseg.evidence.features import BARRIER, PLAIN, STEP, Features, enlarged, features, reduced_region
 from ffseg.evidence.forest import Compiled, shipped
 from ffseg.evidence.gradient import gradient
@@ -72,29 +72,29 @@ class PriorView:
     compiled: Compiled
 
     @cached_property
-    def planes(self) -> NDArray[np.float32]:
+    def planes(self) -> Plane:
         """What the forest takes (`all_planes`), shape (len(TAKEN), h, w)."""
         return all_planes(self.seen)
 
     @cached_property
-    def forest_odds(self) -> NDArray[np.float32]:
+    def forest_odds(self) -> Plane:
         """Its log odds before neighbours vote, shape (h, w), at most ``CERTAIN`` either way."""
         forest, native = self.compiled
         return np.clip(forest.inside.log_odds(self.planes, native), -CERTAIN, CERTAIN)
 
     @property
-    def odds(self) -> NDArray[np.float32]:
+    def odds(self) -> Plane:
         """Its evidence at every `STRIDE`-th pixel of the reduced image, shape (h, w)."""
         return blurred(voted(self.forest_odds, self.seen), SMOOTHING / STRIDE)
 
 
-def prior_view(image: NDArray[np.uint8], starts: NDArray[np.bool_], by: Compiled | None = None) -> PriorView:
+def prior_view(image: Image, starts: Mask, by: Compiled | None = None) -> PriorView:
     """What the forest that ships, or another one, looks at."""
     compiled = by or model()
     return PriorView(start_features(image, starts, compiled[0].size), compiled)
 
 
-def prior(image: NDArray[np.uint8], starts: NDArray[np.bool_]) -> NDArray[np.float32]:
+def prior(image: Image, starts: Mask) -> Plane:
     """Evidence of what belongs to the start.
 
     Parameters
@@ -115,14 +115,12 @@ def prior(image: NDArray[np.uint8], starts: NDArray[np.bool_]) -> NDArray[np.flo
     return whole
 
 
-def start_features(
-    image: NDArray[np.uint8], starts: NDArray[np.bool_], size: int, least: float = LEAST_START
-) -> Features:
+def start_features(image: Image, starts: Mask, size: int, least: float = LEAST_START) -> Features:
     """The features that the prior's planes are made of, at most so many pixels a side, from a start of `least` or more."""
     return features(normalised_exposure(image), starts, size, PLAIN, least)
 
 
-def all_planes(seen: Features) -> NDArray[np.float32]:
+def all_planes(seen: Features) -> Plane:
     """The planes that the forest takes, in its order, of every `STRIDE`-th pixel: `SEEN`, the surroundings, the flood."""
     planes = np.empty((len(FEATURE_NAMES), *seen.inside[::STRIDE, ::STRIDE].shape), np.float32)
     write_strided(seen, SEEN, planes[: len(SEEN)])

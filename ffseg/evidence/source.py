@@ -8,8 +8,8 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Image, Mask, Plane
 from ffseg.errors import ImageReadError, ParameterError, SegmentationError
 from ffseg.evidence.clicks import with_clicks
 from ffseg.evidence.features import Features, features, reduced_mean, reduction
@@ -59,16 +59,14 @@ def model_edges(scene: Scene) -> EdgeMap:
     return _edges(scene, probability, own, "model")
 
 
-def _before_clicks(scene: Scene) -> NDArray[np.bool_]:
+def _before_clicks(scene: Scene) -> Mask:
     """The start region; circles beside boxes are clicks that correct what is told of the middles of these."""
     if not (scene.boxes and scene.params.init.circles):
         return start_core(scene)
     return rasterize(middles(scene.params, scene.shape), scene.shape)
 
 
-def model_odds(
-    model: Model, image: NDArray[np.uint8], start: NDArray[np.bool_], native: _core.EvidenceForest | None = None
-) -> NDArray[np.float32]:
+def model_odds(model: Model, image: Image, start: Mask, native: _core.EvidenceForest | None = None) -> Plane:
     """What a model says of an image, seen from a start region, and of the prior where it asks it.
 
     Returns
@@ -80,7 +78,7 @@ def model_odds(
     return model.map(seen, native, prior(image, start) if model.prior else None)
 
 
-def _network_map(scene: Scene, path: str) -> NDArray[np.float32]:
+def _network_map(scene: Scene, path: str) -> Plane:
     from ffseg.image.onnx import map_of  # loads OpenCV's networks
 
     try:
@@ -103,7 +101,7 @@ def map_edges(scene: Scene) -> EdgeMap:
     return _edges(scene, scene.evidence, gradient(scene), "evidence")
 
 
-def _edges(scene: Scene, values: NDArray[np.float32], own: EdgeMap, source: str) -> EdgeMap:
+def _edges(scene: Scene, values: Plane, own: EdgeMap, source: str) -> EdgeMap:
     if scene.params.edges.evidence == "edges":
         return strength_edges(values, own)
     if scene.has_hints:
@@ -111,9 +109,7 @@ def _edges(scene: Scene, values: NDArray[np.float32], own: EdgeMap, source: str)
     return evidence_edges(at_level(values, scene.params.region.probability), own, source)
 
 
-def with_model_start(
-    image: NDArray[np.uint8], params: Parameters, background: NDArray[np.uint8] | None = None
-) -> Parameters:
+def with_model_start(image: Image, params: Parameters, background: Image | None = None) -> Parameters:
     """The parameters with the start that a model finds, if it can; further circles that they name follow it.
 
     Notes
@@ -135,7 +131,7 @@ def with_model_start(
 
 
 def model_start(
-    image: NDArray[np.uint8], model: Model, most: float, outside: NDArray[np.bool_] | None = None
+    image: Image, model: Model, most: float, outside: Mask | None = None
 ) -> tuple[float, float, float] | None:
     """Centre and radius (px, at most `most`) of a disc in the largest sure region not known `outside`; None where nothing is."""
     if model.start is None:

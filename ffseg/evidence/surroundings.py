@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.arrays import Image, Mask, Plane
 from ffseg.evidence.features import BARRIER, SCALES, STEP, WAY_SCALE, WAYS, Features, reduced_region, reduced_shape, way
 from ffseg.evidence.maps import blurred, widened
 from ffseg.native import _core
-
-Plane = NDArray[np.float32]
 
 STRIDE = 2
 """Every second pixel each way is asked, and enough for a sum: neighbours say nearly the same."""
@@ -91,14 +90,14 @@ def colours_of(seen: Features) -> Plane:
     return planes
 
 
-def likeness(colours: Plane, region: NDArray[np.uint8]) -> Plane:
+def likeness(colours: Plane, region: Image) -> Plane:
     """Logarithm of how much likelier each colour is in a region than in all."""
     ratio = np.empty(region.shape, np.float32)
     _core.evidence_likelihood(colours, region, ratio)
     return ratio
 
 
-def likelier(colours: Plane, region: NDArray[np.bool_]) -> Plane:
+def likelier(colours: Plane, region: Mask) -> Plane:
     """How much likelier each colour is in a region than in all else; nothing where there are not both."""
     if not region.any() or region.all():
         return np.zeros(region.shape, np.float32)
@@ -113,7 +112,7 @@ def voted(odds: Plane, seen: Features) -> Plane:
     return found
 
 
-def _ways(slopes: dict[str, Plane], start: NDArray[np.uint8]) -> list[Plane]:
+def _ways(slopes: dict[str, Plane], start: Image) -> list[Plane]:
     """What stands on ways from the start and from the frame of the image, and through passages only."""
     slope = slopes["1.5"]
     planes = [plane for scale in WAYS[1:] for plane in barriers(slopes[f"{scale:g}"], start)]
@@ -135,7 +134,7 @@ def _likenesses(seen: Features, colours: Plane) -> tuple[Plane, Plane]:
     return blurred(likeness, 1.0 / STRIDE), blurred(strided(seen["likeness"]), 3.0 / STRIDE)
 
 
-def _compared(slopes: dict[str, Plane], crossed: dict[str, Plane], inside: NDArray[np.bool_]) -> list[Plane]:
+def _compared(slopes: dict[str, Plane], crossed: dict[str, Plane], inside: Mask) -> list[Plane]:
     """Gradients that must be crossed beside those usual near the start; the gradient in the start."""
     rows, columns = np.nonzero(inside)
     y, x = np.arange(inside.shape[0])[:, None] - rows.mean(), np.arange(inside.shape[1]) - columns.mean()
@@ -157,13 +156,13 @@ def strided(plane: NDArray[Any]) -> NDArray[Any]:
     return np.ascontiguousarray(plane[::STRIDE, ::STRIDE])
 
 
-def _frame(shape: tuple[int, int], width: int) -> NDArray[np.uint8]:
+def _frame(shape: tuple[int, int], width: int) -> Image:
     frame = np.ones(shape, np.uint8)
     frame[width:-width, width:-width] = 0
     return frame
 
 
-def barriers(heights: Plane, start: NDArray[np.uint8]) -> Plane:
+def barriers(heights: Plane, start: Image) -> Plane:
     """What stands on ways from a start, a plane for each of ``BARRIER``."""
     planes = np.empty((len(BARRIER), *heights.shape), np.float32)
     _core.evidence_barrier(np.ascontiguousarray(heights), start, STEP, planes)

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ffseg.arrays import Array, Mask
 from ffseg.camera.model import Camera
 from ffseg.freespace.corners import match_corners
 from ffseg.freespace.pairs import CONFIDENT, ImagePair
 from ffseg.image.components import Component
-from ffseg.image.keypoints import Array, Mask
 
 TILE = 60
 """Pixels; the strongest corners of each tile are matched, so that they lie all over the image."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Image, Indices, Mask
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import to_pixels
 from ffseg.freespace.outline import Ground
@@ -26,7 +26,7 @@ LETTERS = (
 """Strokes of "1 m", there and back."""
 
 
-def birds_eye(image: NDArray[np.uint8], ground: Ground) -> bytes:
+def birds_eye(image: Image, ground: Ground) -> bytes:
     """PNG file: the robot's front up, its left to the left, the robot in the middle; outline, holes and a metre's bar.
 
     Parameters
@@ -49,7 +49,7 @@ def birds_eye(image: NDArray[np.uint8], ground: Ground) -> bytes:
     return encode_overlay(above, lines)
 
 
-Table = tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]
+Table = tuple[Indices, Indices, Mask]
 
 
 @lru_cache(maxsize=2)  # most images stand as the camera is mounted

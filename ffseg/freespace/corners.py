@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Array, Indices, Mask
 from ffseg.freespace.motion.candidates import MOST_CORNERS
 from ffseg.freespace.pairs import LEAST_SCORE, NOISE_PX, ImagePair, MotionUncertainty, propagated
 from ffseg.image.components import Component
 from ffseg.image.interest import InterestPoints, harris_points
-from ffseg.image.keypoints import Array, Candidates, align_patches, patch_scores, plane_candidates
+from ffseg.image.keypoints import Candidates, align_patches, patch_scores, plane_candidates
 
 CORNER_RADIUS = 4
 HOPELESS = 0.5
@@ -42,12 +42,12 @@ class Matches:
         Unique, similar and consistent with the motion.
     """
 
-    owner: NDArray[np.intp]
+    owner: Indices
     current: Array
     previous: Array
     altitude: Array
     altitude_sigma: Array
-    good: NDArray[np.bool_]
+    good: Mask
 
 
 def match_corners(
@@ -107,7 +107,7 @@ def _altitudes(mounting: float, epsilon: float) -> Array:
     return altitudes
 
 
-def _sweep(pair: ImagePair, points: Array, epsilon: float) -> tuple[Candidates, Array, Array, NDArray[np.bool_]]:
+def _sweep(pair: ImagePair, points: Array, epsilon: float) -> tuple[Candidates, Array, Array, Mask]:
     """Best candidate of each point over all altitudes, and how it moves.
 
     Returns the candidate, the rate at which its place moves with the nearness, that nearness, and whether no other place

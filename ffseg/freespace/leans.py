@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ffseg.arrays import Array
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion
-from ffseg.camera.projections import Array
 from ffseg.freespace.window import Link
 
 SLACK, NOD_SLACK = 3.0, 2.0

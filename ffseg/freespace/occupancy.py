@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.arrays import Array
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Pose, planar_place, require_pose
-from ffseg.camera.projections import Array
 from ffseg.errors import CalibrationError, OutputError
 from ffseg.freespace.leans import Leans
 from ffseg.freespace.sequence import Frame

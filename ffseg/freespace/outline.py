@@ -8,11 +8,10 @@ from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Array, Mask
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import to_pixels, to_robot
-from ffseg.camera.projections import Array
 from ffseg.errors import ParameterError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.orientation import ring_area
@@ -30,7 +29,6 @@ OUTLINE_SIGMA = 0.08
 """Pixels: standard deviation of an outline across itself. On rendered walls and boxes 68 % are within .055, 95 % within .15."""
 DECIMALS = 4
 
-Mask = NDArray[np.bool_]
 End = Literal["obstacle", "rim", "unknown"]
 
 
@@ -175,11 +173,7 @@ class Ground:
 
 
 def ground_of(
-    mask: Mask,
-    contours: Sequence[FreeForm],
-    camera: Camera,
-    reach: float = REACH,
-    domain: Mask | None = None,
+    mask: Mask, contours: Sequence[FreeForm], camera: Camera, reach: float = REACH, domain: Mask | None = None
 ) -> Ground:
     """Lay free space on the ground.
 

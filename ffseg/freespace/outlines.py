@@ -5,20 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Array, Image, Indices, Mask
 from ffseg.freespace.pairs import CONFIDENT, LEAST_SCORE, NOISE_PX, ImagePair, MotionUncertainty, propagated
 from ffseg.image.components import Component
 from ffseg.image.interest import outline_points
-from ffseg.image.keypoints import (
-    Alignments,
-    Array,
-    Candidates,
-    Grey,
-    align_patches,
-    limited_information,
-    plane_candidates,
-)
+from ffseg.image.keypoints import Alignments, Candidates, align_patches, limited_information, plane_candidates
 
 MOST_OUTLINE = 22
 """Outline samples per component: one every few pixels of a mark of middling size."""
@@ -37,7 +29,7 @@ def outline_votes(
     epsilon: float,
     uncertainty: MotionUncertainty,
     samples: list[Array] | None = None,
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+) -> tuple[Indices, Indices]:
     """Samples of each component's edges that lie on the ground, and those that do not.
 
     A sample is aligned from where the ground would put it. Its displacement along the epipolar curve is an altitude,
@@ -56,7 +48,7 @@ def outline_votes(
     return np.bincount(found.owner[flat], minlength=count), np.bincount(found.owner[raised], minlength=count)
 
 
-def _contrast(grey: Grey, pixels: Array) -> Array:
+def _contrast(grey: Image, pixels: Array) -> Array:
     """Variance of the pixels round each sample, squared grey levels."""
     steps = np.arange(-OUTLINE_RADIUS, OUTLINE_RADIUS + 1)
     columns, rows = np.rint(pixels).astype(np.intp).T[..., None] + steps
@@ -67,9 +59,7 @@ def _contrast(grey: Grey, pixels: Array) -> Array:
     return variance
 
 
-def _judge(
-    aligned: Alignments, ground: Candidates, moved: Array, covariance: Array
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _judge(aligned: Alignments, ground: Candidates, moved: Array, covariance: Array) -> tuple[Mask, Mask]:
     shift = aligned.pixels - ground.pixels[:, 0] - moved
     parallax = ground.pixels[:, 1] - ground.pixels[:, 0]
     information = limited_information(aligned.information, NOISE_PX)

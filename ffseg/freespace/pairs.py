@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Array, Image, Indices
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion
 from ffseg.freespace.motion.ground import Doubt, GroundFit, position_slopes, shared_doubt
 from ffseg.image.interest import InterestPoints
-from ffseg.image.keypoints import Array, Grey
 
 LEAST_SCORE = 0.85
 """Correlation of a right match; wrong ones of 9x9 patches rarely pass 0.7."""
@@ -34,8 +33,8 @@ class ImagePair:
         Standard deviation of the pixels' noise, grey levels.
     """
 
-    current: Grey
-    previous: Grey
+    current: Image
+    previous: Image
     camera: Camera
     motion: Motion
     noise: float = 0.0
@@ -87,7 +86,7 @@ def propagated(pair: ImagePair, found: InterestPoints, uncertainty: MotionUncert
     return _expected(position_slopes(pair.camera, pair.motion, found.pixels), uncertainty.doubt, found.owner)
 
 
-def _expected(slopes: Array, doubt: Doubt, owner: NDArray[np.intp]) -> tuple[Array, Array]:
+def _expected(slopes: Array, doubt: Doubt, owner: Indices) -> tuple[Array, Array]:
     """By how much the ground would put pixels elsewhere, shape (n, 2), and the covariance of it, shape (n, 2, 2)."""
     shift = np.einsum("nij,nj->ni", slopes, doubt.steps[owner])
     covariance: Array = slopes @ doubt.covariances[owner] @ np.swapaxes(slopes, 1, 2)

@@ -12,6 +12,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.arrays import Image
 from ffseg.camera.footprint import footprint_of
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion, Pose, planar_parameters, relative_motion, require_camera, require_pose
@@ -38,7 +39,7 @@ from ffseg.geometry.freeform import FreeForm
 from ffseg.image.checked import Pixels, taken_image
 from ffseg.image.components import Component, contour_components, merged
 from ffseg.image.free import without_slivers
-from ffseg.image.keypoints import Grey, grey_image
+from ffseg.image.keypoints import grey_image
 from ffseg.image.leaks import leaking_pixels
 from ffseg.io.masks import named_masks
 from ffseg.parameters import Parameters, ParametersLike, parameter_set
@@ -329,7 +330,7 @@ def _frame_by_altitudes(scene: Scene, before: EarlierImage, camera: Camera) -> F
 
 
 def free_space(
-    current: Grey, segmentation: Segmentation, earlier: Iterable[EarlierImage], camera: Camera, epsilon: float
+    current: Image, segmentation: Segmentation, earlier: Iterable[EarlierImage], camera: Camera, epsilon: float
 ) -> Frame:
     """The structural test on a segmented image: a pure function of the images, the camera and the poses.
 
@@ -429,7 +430,7 @@ class Sequence:
         if chosen.domain.masks is not None:
             raise ParameterError("domain.masks finds masks by the names of files; name one of all images: domain.mask")
         self._masks = named_masks(chosen)
-        self._earlier: deque[tuple[str, Grey, Pose | None]] = deque(maxlen=WINDOW)
+        self._earlier: deque[tuple[str, Image, Pose | None]] = deque(maxlen=WINDOW)
         self._tracks = ObstacleTracks(WINDOW + 1)
         self._paint: dict[int, str] = {}
         self._count = 0
@@ -468,7 +469,7 @@ class Sequence:
         return self._followed(frame, name, pose, window)
 
     def _followed(
-        self, frame: Frame, name: str, pose: Pose | None, window: list[tuple[str, Grey, Pose | None]]
+        self, frame: Frame, name: str, pose: Pose | None, window: list[tuple[str, Image, Pose | None]]
     ) -> Frame:
         """The frame with numbers for its components; what was paint and is undecided now stays paint."""
         links = [(link.name, link.planar) for link in frame.links]

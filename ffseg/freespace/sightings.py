@@ -8,13 +8,13 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.arrays import Array, Plane
 from ffseg.camera.model import Camera
-from ffseg.camera.projections import Array
 from ffseg.errors import CalibrationError
 from ffseg.freespace.leans import Lean, lean_of
 from ffseg.freespace.sequence import Frame
 from ffseg.freespace.window import Link
-from ffseg.image.resized import NOWHERE, Values, laid_out, of_shares, read_at
+from ffseg.image.resized import NOWHERE, laid_out, of_shares, read_at
 
 BAND = 0.1
 """Metres behind an outline that are told occupied: what stands there has a front, and nothing is known of its depth."""
@@ -122,7 +122,7 @@ def sigmas_of(frame: Frame) -> tuple[float, float]:
     return frame.links[0].sigmas if frame.links else (0.0, 0.0)
 
 
-def read_cells(seen: Sighting, lens: Camera, window: Window, reach: float) -> tuple[NDArray[np.bool_], Values]:
+def read_cells(seen: Sighting, lens: Camera, window: Window, reach: float) -> tuple[NDArray[np.bool_], Plane]:
     """Which cells of a window, shape (count, count), a frame tells something of, and how likely they are free.
 
     Parameters
@@ -177,7 +177,7 @@ class Window:
         near: NDArray[np.bool_] = x**2 + (y**2)[:, None] < self.reach**2
         return near
 
-    def laid(self, table: Values, lens: Camera) -> tuple[Values, ...]:
+    def laid(self, table: Plane, lens: Camera) -> tuple[Plane, ...]:
         """The table's values at the cells, as the camera sees them that leans."""
         c, s = np.cos(self.station.theta), np.sin(self.station.theta)
         x, y = self.first - [self.station.x, self.station.y]
@@ -191,7 +191,7 @@ class Window:
 
 
 @lru_cache(maxsize=1)
-def _chances() -> Values:
+def _chances() -> Plane:
     """That ground is free where so many 255ths of its mask are, shape (256,)."""
     part = np.linspace(0.0, 1.0, 256) ** SHARP
     sharp = part / (part + part[::-1])
@@ -199,7 +199,7 @@ def _chances() -> Values:
 
 
 @lru_cache(maxsize=2)
-def _ground_pixels(camera: Camera, reach: float) -> Values:
+def _ground_pixels(camera: Camera, reach: float) -> Plane:
     """Pixels that show places of the ground `TABLE` apart, the camera in the middle, and those `BAND` nearer to it.
 
     Shape (n, n, 4): rows along y of the levelled frame, columns along x; far away where nothing is shown.

@@ -13,11 +13,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.camera.projections import Array
+from ffseg.arrays import Array, Mask
 from ffseg.image.free import nearest_outside
 from ffseg.io.files import make_folder, write_all_atomic
 
-Mask = NDArray[np.bool_]
 Cell = tuple[int, int]
 NodeKind = Literal["junction", "end", "frontier"]
 LEAST_SPREAD = 0.4

@@ -9,13 +9,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.arrays import Array
 from ffseg.freespace.corners import Matches, match_corners
 from ffseg.freespace.motion.ground import GroundFit, shared_doubt
 from ffseg.freespace.outlines import outline_votes
 from ffseg.freespace.pairs import CONFIDENT, ImagePair, motion_uncertainty
 from ffseg.image.components import Component
 from ffseg.image.interest import InterestPoints
-from ffseg.image.keypoints import Array
 
 Verdict = Literal["obstacle", "false_obstacle", "untested"]
 

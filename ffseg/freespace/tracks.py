@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ffseg.arrays import Array
+
 NEAR = 0.25
 """Metres between a component's place and where the motion puts it: paint keeps it to a pixel or two, the visible part of
 a box shifts with the view by up to its height over the camera's."""

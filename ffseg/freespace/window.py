@@ -8,13 +8,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ffseg.arrays import Array, Image
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Pose, ground_points, planar_parameters
 from ffseg.freespace.motion.candidates import SegmentedImage, ground_candidates
 from ffseg.freespace.motion.egomotion import PairMotion, pair_motion
 from ffseg.freespace.pairs import ImagePair
 from ffseg.freespace.structural import ComponentVerdict, structural_test, untested_verdicts
-from ffseg.image.keypoints import Array, Grey, grey_image
+from ffseg.image.keypoints import grey_image
 from ffseg.image.planes import pixel_noise
 
 WINDOW = 8
@@ -41,7 +42,7 @@ class EarlierImage:
         What ``obstacles.csv`` calls it.
     """
 
-    image: Grey
+    image: Image
     poses: tuple[Pose, Pose] | None = None
     name: str = ""
 
@@ -101,7 +102,7 @@ class WindowVerdicts:
 
 
 def window_verdicts(
-    current: Grey, segmented: SegmentedImage, earlier: Iterable[EarlierImage], camera: Camera, epsilon: float
+    current: Image, segmented: SegmentedImage, earlier: Iterable[EarlierImage], camera: Camera, epsilon: float
 ) -> WindowVerdicts:
     """Verdicts on the components of an image.
 
@@ -157,7 +158,7 @@ def window_verdicts(
 
 
 def window_motion(
-    current: Grey, segmented: SegmentedImage, earlier: Iterable[EarlierImage], camera: Camera, epsilon: float
+    current: Image, segmented: SegmentedImage, earlier: Iterable[EarlierImage], camera: Camera, epsilon: float
 ) -> WindowVerdicts:
     """The motion of an image that encloses nothing: no verdict needs it, but a map does.
 

@@ -13,11 +13,12 @@ from math import ceil, comb, perm
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ffseg.arrays import Points
+
 MAX_DEGREE = 6
 """Highest degree ffseg supports: the largest entry of V^-1, by which errors in samples
 are amplified, grows from 1 to 30 up to here and to 5000 by degree 12."""
 
-Points = NDArray[np.float64]
 Table = list[list[Fraction]]
 
 

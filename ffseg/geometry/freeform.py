@@ -13,8 +13,8 @@ from typing import cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ffseg.arrays import Points
 from ffseg.geometry import bezier
-from ffseg.geometry.bezier import Points
 from ffseg.geometry.winding import winding_numbers
 from ffseg.native import _core
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.geometry.bezier import Points
+from ffseg.arrays import Array
 
 Signs = NDArray[np.int8]
-Array = NDArray[np.float64]
 
 _FILTER = 4.0 * np.finfo(float).eps
 """Relative error of the plain determinant is below 3.4 eps of the sum of its terms' sizes; rounded up."""
@@ -17,13 +16,13 @@ _SPLITTER = 2.0**27 + 1.0
 """Cuts a float64 into two halves of at most 26 bits each."""
 
 
-def ring_area(ring: Points) -> float:
+def ring_area(ring: Array) -> float:
     """Shoelace area of a closed polygon, shape (n, 2), not closed by its first point: positive from x toward y."""
     x, y = (ring - ring[0]).T  # so that the last term, back to the first vertex, is 0
     return 0.5 * float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]))
 
 
-def signs_of_turns(a: Points, b: Points, c: Points) -> Signs:
+def signs_of_turns(a: Array, b: Array, c: Array) -> Signs:
     """As `exact_signs`, in float64 for all triples but those too near a line for its rounding."""
     left = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1])
     right = (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
@@ -35,7 +34,7 @@ def signs_of_turns(a: Points, b: Points, c: Points) -> Signs:
     return signs
 
 
-def exact_signs(a: Points, b: Points, c: Points) -> Signs:
+def exact_signs(a: Array, b: Array, c: Array) -> Signs:
     """Exact sign, -1, 0 or 1, of (b - a) x (c - a) for points of shape (n, 2) each."""
     parts: list[Array] = []
     for p, q in ((b, c), (c, a), (a, b)):  # six products, each as two floats, summed without error

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Mask, Points
 from ffseg.geometry import bezier
-from ffseg.geometry.bezier import Points
 from ffseg.geometry.freeform import FreeForm
 
 
@@ -126,7 +125,7 @@ def _owners(outers: Sequence[FreeForm], rising: Sequence[int], probes: Points) -
     return list(owners.tolist())
 
 
-def _most(marked: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _most(marked: Mask) -> Mask:
     """Whether more than half of each row is marked."""
-    most: NDArray[np.bool_] = 2 * np.count_nonzero(marked, axis=1) > marked.shape[1]
+    most: Mask = 2 * np.count_nonzero(marked, axis=1) > marked.shape[1]
     return most

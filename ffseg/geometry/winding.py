@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ffseg.arrays import Indices, Mask, Points
 from ffseg.geometry import bezier
-from ffseg.geometry.bezier import Points
 from ffseg.geometry.orientation import signs_of_turns
 
 Counts = NDArray[np.int64]
@@ -79,7 +79,7 @@ def _count_edges(edges: Points, points: Points) -> Counts:
     return total
 
 
-def _decide(pieces: Points, point: NDArray[np.intp], points: Points, total: Counts) -> tuple[Points, NDArray[np.intp]]:
+def _decide(pieces: Points, point: Indices, points: Points, total: Counts) -> tuple[Points, Indices]:
     """Count the pieces whose box decides; give back the others."""
     at = points[point]
     low, high = pieces.min(axis=1), pieces.max(axis=1)
@@ -96,15 +96,13 @@ def _rise(pieces: Points, at: Points) -> Counts:
     return begins.astype(np.int64) - ends
 
 
-def _is_flat(pieces: Points) -> NDArray[np.bool_]:
+def _is_flat(pieces: Points) -> Mask:
     bend = np.abs(np.diff(pieces, n=2, axis=1)).max(axis=(1, 2), initial=0.0)
-    flat: NDArray[np.bool_] = bend <= _FLAT * np.abs(pieces).max(axis=(1, 2), initial=0.0)
+    flat: Mask = bend <= _FLAT * np.abs(pieces).max(axis=(1, 2), initial=0.0)
     return flat
 
 
-def _left_of_chord(pieces: Points, at: Points) -> NDArray[np.bool_]:
+def _left_of_chord(pieces: Points, at: Points) -> Mask:
     """Whether the point lies strictly left of the chord, exact; a level chord counts for nothing anyway."""
-    left: NDArray[np.bool_] = (
-        signs_of_turns(pieces[:, 0], pieces[:, -1], at) == np.sign(pieces[:, -1] - pieces[:, 0])[:, 1]
-    )
+    left: Mask = signs_of_turns(pieces[:, 0], pieces[:, -1], at) == np.sign(pieces[:, -1] - pieces[:, 0])[:, 1]
     return left

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.arrays import Image
 from ffseg.errors import SegmentationError
 from ffseg.parameters import Levels
 
@@ -16,18 +17,18 @@ _CHANNELS = (1, 3, 4)
 _FEW_LEVELS = 15  # of 4 bits: of floats that end below, rounding would leave no picture
 _ORDER = "colours are taken as BGR, as cv2 reads them; with rgb=True as RGB, as others do"
 
-Pixels = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.floating[Any]]
+Pixels = Image | NDArray[np.uint16] | NDArray[np.floating[Any]]
 """What `taken_image` takes."""
 
 
-def to_8_bits(image: NDArray[Any], levels: tuple[float, float]) -> NDArray[np.uint8]:
+def to_8_bits(image: NDArray[Any], levels: tuple[float, float]) -> Image:
     """The image as 8 bits, with the level of black as 0 and that of white as 255, rounded; what lies beyond is cut."""
     low, high = levels
     share = (np.clip(image, low, high) - low).astype(np.float32) * np.float32(255 / (high - low))
     return np.asarray(np.rint(share), np.uint8)
 
 
-def taken_image(image: object, rgb: bool = False, levels: Levels = "auto") -> NDArray[np.uint8]:
+def taken_image(image: object, rgb: bool = False, levels: Levels = "auto") -> Image:
     """An image as libraries of the field hand it out, as the core takes it: 8 bits, BGR.
 
     Parameters
@@ -93,7 +94,7 @@ def require_size(what: str, array: NDArray[Any], shape: tuple[int, ...], remedy:
         raise SegmentationError(f"{what} has {columns} x {rows} pixels, the image {width} x {height}; {remedy}")
 
 
-def checked_image(image: object) -> NDArray[np.uint8]:
+def checked_image(image: object) -> Image:
     """The image as the core takes it.
 
     Raises

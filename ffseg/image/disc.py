@@ -8,10 +8,8 @@ from itertools import product
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-Image = NDArray[np.uint8]
-Points = NDArray[np.float64]
+from ffseg.arrays import Image, Mask, Points
 
 GRID = 200
 """Pixels along the longer side at which the disc is looked for: its radius is then known to half a percent."""
@@ -57,7 +55,7 @@ class Disc:
         """Whether a point (x, y) lies in the circle."""
         return math.hypot(point[0] - self.x, point[1] - self.y) <= self.radius
 
-    def mask(self, shape: tuple[int, int], margin: float = MARGIN) -> NDArray[np.uint8]:
+    def mask(self, shape: tuple[int, int], margin: float = MARGIN) -> Image:
         """255 inside the circle grown by a part of its radius, else 0, shape (H, W)."""
         y, x = np.ogrid[: shape[0], : shape[1]]
         inside = (x - self.x) ** 2 + (y - self.y) ** 2 <= (self.radius * (1 + margin)) ** 2
@@ -86,7 +84,7 @@ def valid_disc(image: Image) -> Disc | None:
     level = _bright_level(grey)
     if surround > DARKEST * level:
         return None
-    seen: NDArray[np.bool_] | None = None
+    seen: Mask | None = None
     for part in LEVELS:
         bright = grey > int(surround + part * (level - surround))  # whole numbers are compared eight times as fast
         if seen is not None and np.array_equal(bright, seen):
@@ -128,7 +126,7 @@ def _brightest(image: Image) -> Image:
     return found
 
 
-def _circle_round(bright: NDArray[np.bool_], grey: Image) -> Disc | None:
+def _circle_round(bright: Mask, grey: Image) -> Disc | None:
     smooth = cv2.medianBlur(bright.view(np.uint8), 3).view(np.bool_)
     if not _may_be_round(smooth):
         return None
@@ -145,7 +143,7 @@ def _circle_round(bright: NDArray[np.bool_], grey: Image) -> Disc | None:
     return disc if len(scene) and float(scene.std()) >= LEAST_SPREAD else None
 
 
-def _may_be_round(bright: NDArray[np.bool_]) -> bool:
+def _may_be_round(bright: Mask) -> bool:
     """Whether what is bright is about as wide as high, or the image cuts it."""
     x, y, width, height = cv2.boundingRect(bright.view(np.uint8))
     if not width:
@@ -155,7 +153,7 @@ def _may_be_round(bright: NDArray[np.bool_]) -> bool:
     return max(height, width) <= MOST_OBLONG * min(height, width)
 
 
-def _outline(bright: NDArray[np.bool_]) -> Points:
+def _outline(bright: Mask) -> Points:
     """Points a pixel apart on the convex hull of what is bright, those at the image's border left out."""
     rows = np.nonzero(bright.any(axis=1))[0]
     if not len(rows):
@@ -172,7 +170,7 @@ def _outline(bright: NDArray[np.bool_]) -> Points:
     return inner
 
 
-def _fit(points: Points) -> tuple[Disc, NDArray[np.bool_]]:
+def _fit(points: Points) -> tuple[Disc, Mask]:
     """Circle of least algebraic error through the points, the far ones dropped and taken back until they stay."""
     centre = points.mean(axis=0)
     moved = points - centre

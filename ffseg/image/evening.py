@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Array, Image
 from ffseg.parameters import Edges
-
-Image = NDArray[np.uint8]
 
 LOG_OFFSET = 10.0
 """Grey levels added before the logarithm: below about 10 an 8-bit image holds more noise and rounding than light."""
@@ -61,7 +59,7 @@ def without_streaks(image: Image, width: float) -> Image:
     return found
 
 
-def _table(curve: NDArray[np.float64]) -> NDArray[np.uint8]:
+def _table(curve: Array) -> Image:
     """A curve over the 256 grey levels, stretched to 0..255."""
     return np.asarray(np.rint((curve - curve[0]) * (255 / (curve[-1] - curve[0]))), np.uint8)
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+
+from ffseg.arrays import Image
 
 MIDDLE, MOST_GAIN, EVERY = 100.0, 4.0, 4
 """Grey level that the mean of an image is brought to, the most it is multiplied or divided by, and which pixels count."""
@@ -14,7 +15,7 @@ DARKEST, HAZE = 0.01, (0.4, 0.6)
 haze or stray light over the whole picture, and is taken off."""
 
 
-def normalised_exposure(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def normalised_exposure(image: Image) -> Image:
     """The image without haze and with its mean level brought to `MIDDLE`, as another exposure would have given it."""
     counts = np.bincount(image[::EVERY, ::EVERY].ravel(), minlength=256)
     darkest = float(np.searchsorted(np.cumsum(counts), DARKEST * counts.sum()))

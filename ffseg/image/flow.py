@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Image, Mask, Plane
 from ffseg.image.free import distances
 from ffseg.image.keypoints import grey_image
 from ffseg.image.parts import parts_holding
-
-Image = NDArray[np.uint8]
-Mask = NDArray[np.bool_]
 
 BAND = 3.0
 """Pixels from both boundaries within which they are taken for two readings of the same one."""
@@ -79,7 +76,7 @@ def _wide(image: Image) -> Image:
     return np.asarray(cv2.copyMakeBorder(grey, 0, more[0], 0, more[1], cv2.BORDER_REPLICATE), np.uint8)
 
 
-def _depth(region: Mask) -> NDArray[np.float32]:
+def _depth(region: Mask) -> Plane:
     """Distance of each pixel to the boundary, px: positive inside, the border of the image being none."""
     return np.asarray(np.where(region, distances(region) - 0.5, 0.5 - distances(~region)), np.float32)
 

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.arrays import Image, Indices, Mask, Plane
 from ffseg.image.parts import connected_parts
 
 SLIVER = 5
@@ -14,11 +15,8 @@ SLIVER = 5
 _EXACT = np.float32(1024)
 """Pixels up to which the square of a distance that is off by its last bits rounds to the right whole number: below 2^21."""
 
-Plane = NDArray[np.uint8]
-Mask = NDArray[np.bool_]
 
-
-def free_pixels(edges: Plane, domain: Plane | None, clearance: float = 0.0) -> Mask:
+def free_pixels(edges: Image, domain: Image | None, clearance: float = 0.0) -> Mask:
     """Pixels a contour's sample may lie on, shape (H, W).
 
     Parameters
@@ -36,12 +34,12 @@ def free_pixels(edges: Plane, domain: Plane | None, clearance: float = 0.0) -> M
     return free if domain is None else free & (domain != 0)
 
 
-def room_round(free: Mask) -> NDArray[np.float32]:
+def room_round(free: Mask) -> Plane:
     """Distance of every pixel to the nearest one that is not free, pixels; the ring beyond the image is not free."""
     return distances(np.pad(free, 1))[1:-1, 1:-1]
 
 
-def deeper(free: Mask, least: float) -> Plane:
+def deeper(free: Mask, least: float) -> Image:
     """1 where a pixel lies farther than some pixels from the nearest one that is not free, as `room_round` measures it."""
     side = int(least)
     near = np.hypot(*np.mgrid[-side : side + 1, -side : side + 1]) <= least
@@ -62,7 +60,7 @@ def without_slivers(domain: Mask, view: Mask, free: Mask) -> Mask:
     return domain & (free | (cv2.dilate(stands, np.ones((4 * SLIVER + 1,) * 2, np.uint8)) > 0))
 
 
-def nearest_outside(mask: Mask) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
+def nearest_outside(mask: Mask) -> tuple[Plane, Indices]:
     """Of every pixel of a mask: pixels to the nearest one that is not in it, and (row, column) of that one.
 
     Beyond the array nothing is in the mask.
@@ -92,7 +90,7 @@ def open_sides(free: Mask) -> NDArray[np.int32]:
     return connected_parts(np.asarray(cv2.dilate(fits, square, anchor=(1, 1)), np.uint8)).labels
 
 
-def distances(mask: Mask) -> NDArray[np.float32]:
+def distances(mask: Mask) -> Plane:
     """Distance of every pixel of a mask to the nearest one that is not in it, pixels.
 
     Notes

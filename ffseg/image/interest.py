@@ -6,13 +6,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Array, Image, Indices
 from ffseg.image.components import Component
 from ffseg.native import _core
-
-Array = NDArray[np.float64]
-Grey = NDArray[np.uint8]
 
 GROWN = 2
 """Pixels: corners and edges lie on a component's border, which the settled contour cuts through."""
@@ -30,7 +27,7 @@ class InterestPoints:
         Of the image.
     """
 
-    owner: NDArray[np.intp]
+    owner: Indices
     pixels: Array
 
 
@@ -43,7 +40,7 @@ def strongest(corners: InterestPoints, most: int) -> InterestPoints:
     return InterestPoints(corners.owner[place < most], corners.pixels[place < most])
 
 
-def harris_points(grey: Grey, components: Sequence[Component], most: int, grow: int = GROWN) -> InterestPoints:
+def harris_points(grey: Image, components: Sequence[Component], most: int, grow: int = GROWN) -> InterestPoints:
     """Harris corners inside components, to a part of a pixel; strongest first in each.
 
     Parameters
@@ -61,13 +58,13 @@ def harris_points(grey: Grey, components: Sequence[Component], most: int, grow: 
     return _points(_core.harris_points, grey, components, most, grow)
 
 
-def outline_points(grey: Grey, components: Sequence[Component], most: int, grow: int = GROWN) -> InterestPoints:
+def outline_points(grey: Image, components: Sequence[Component], most: int, grow: int = GROWN) -> InterestPoints:
     """Pixels of strongest gradient inside components, at most one per 4x4 cell, evenly thinned to ``most`` in each."""
     return _points(_core.outline_points, grey, components, most, grow)
 
 
 def _points(
-    find: Callable[..., None], grey: Grey, components: Sequence[Component], most: int, grow: int
+    find: Callable[..., None], grey: Image, components: Sequence[Component], most: int, grow: int
 ) -> InterestPoints:
     if not components:
         return NO_POINTS

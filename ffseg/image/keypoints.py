@@ -6,21 +6,17 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Array, Image
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion
 from ffseg.native import _core
-
-Array = NDArray[np.float64]
-Grey = NDArray[np.uint8]
-Mask = NDArray[np.bool_]
 
 ALIGN_STEPS = 8
 """Gauss-Newton steps; those that succeed take two to five."""
 
 
-def grey_image(image: Grey) -> Grey:
+def grey_image(image: Image) -> Image:
     """The image as one contiguous channel."""
     return np.ascontiguousarray(image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY))
 
@@ -85,7 +81,7 @@ def plane_candidates(camera: Camera, motion: Motion, pixels: Array, altitudes: A
 
 
 def patch_scores(
-    current: Grey, previous: Grey, points: Array, candidates: Candidates, radius: int, hopeless: float = -1.0
+    current: Image, previous: Image, points: Array, candidates: Candidates, radius: int, hopeless: float = -1.0
 ) -> Array:
     """Normalised cross-correlation of every point's patch with each of its candidates, shape (n, k); NaN outside.
 
@@ -128,7 +124,7 @@ FINEST_RESIDUAL = 2.0
 
 
 def align_patches(
-    current: Grey, previous: Grey, points: Array, start: Candidates, radius: int, steps: int = ALIGN_STEPS
+    current: Image, previous: Image, points: Array, start: Candidates, radius: int, steps: int = ALIGN_STEPS
 ) -> Alignments:
     """Align every point's patch from its first candidate."""
     n = len(points)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Array, Image, Indices, Mask, Plane
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion
-from ffseg.image.keypoints import Array, Grey, Mask, plane_pixels
+from ffseg.image.keypoints import plane_pixels
 from ffseg.image.parts import parts_holding
 from ffseg.image.planes import CLEAR, pixel_noise
 
@@ -37,7 +37,7 @@ HIDERS = np.array([-1e3, -8, -4, -2.5, -1.7, -1.2, -0.8, -0.5, -0.3, -0.15, 0, 0
 """Altitudes, metres, at which what is not free may have stood before the ground: reflections lie below it."""
 
 
-def leaking_pixels(camera: Camera, motion: Motion, current: Grey, previous: Grey, free: Mask) -> Mask:
+def leaking_pixels(camera: Camera, motion: Motion, current: Image, previous: Image, free: Mask) -> Mask:
     """Free pixels that contradict the ground's motion, shape (H, W).
 
     Parameters
@@ -80,9 +80,7 @@ def leaking_pixels(camera: Camera, motion: Motion, current: Grey, previous: Grey
     return climbed
 
 
-def _steps(
-    images: tuple[Grey, Grey], free: Mask, places: tuple[NDArray[np.intp], NDArray[np.intp]], then: Array
-) -> NDArray[np.float32]:
+def _steps(images: tuple[Image, Image], free: Mask, places: tuple[Indices, Indices], then: Array) -> Plane:
     """Squared differences between n places of the current image and positions (k, n, 2) of the previous one, shape (k, n).
 
     In units of what noise, slopes and rounding explain.
@@ -92,7 +90,7 @@ def _steps(
     step = cv2.remap(previous, x, y, cv2.INTER_LINEAR) - current[places]
     slope = sum(part[places] ** 2 for part in np.gradient(current))
     noise = SMOOTHED_NOISE * pixel_noise(images[0], free)
-    sums: NDArray[np.float32] = np.minimum(step**2 / (noise**2 + SLOPE_PX**2 * slope + ROUNDING**2), MOST)
+    sums: Plane = np.minimum(step**2 / (noise**2 + SLOPE_PX**2 * slope + ROUNDING**2), MOST)
     return sums
 
 
@@ -128,7 +126,7 @@ def _finite(pixels: Array) -> Array:
     return finite
 
 
-def _mean(values: NDArray[np.float32], counts: NDArray[np.float32], width: int) -> NDArray[np.float32]:
+def _mean(values: Plane, counts: Plane, width: int) -> Plane:
     """Means over windows of what is known, toward 0 where too little is."""
     total, count = (
         cv2.boxFilter(one, -1, (width, width), normalize=False, borderType=cv2.BORDER_CONSTANT)

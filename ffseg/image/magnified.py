@@ -10,11 +10,9 @@ from functools import cache
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Image, Plane
 from ffseg.native import _core
-
-Image = NDArray[np.uint8]
 
 FACTORS = (8, 7, 6, 5, 4, 3, 2)
 """Enlargements that are looked for."""
@@ -78,19 +76,19 @@ def magnification(image: Image, most: float = FACTORS[0]) -> tuple[int, Image]:
     return 1, image
 
 
-def _liveliest(plane: Image) -> NDArray[np.float32]:
+def _liveliest(plane: Image) -> Plane:
     """The rows with the greatest differences, of every few."""
     step = max(1, len(plane) // MOST_LOOKED_AT)
     return _core.liveliest_lines(plane, LINES, step, SKIPPED).reshape(-1, plane.shape[1])
 
 
-def _residuals(lines: NDArray[np.float32], factor: int) -> list[float]:
+def _residuals(lines: Plane, factor: int) -> list[float]:
     """The share of pixels in some lines that each kind cannot make between fewer."""
     return _core.lines_amiss(lines, _residual_matrix(factor), factor, ROUNDED, CUT)
 
 
 @cache
-def _residual_matrix(factor: int) -> NDArray[np.float32]:
+def _residual_matrix(factor: int) -> Plane:
     """What takes from a line of pixels all that each kind of interpolation between fewer can make, shape (L, kinds * L)."""
     knots, cut = KNOTS + 2 * BESIDE, slice(BESIDE * factor, -BESIDE * factor)
     found = []

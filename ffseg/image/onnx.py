@@ -12,8 +12,8 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Image, Plane
 from ffseg.parameters import Network
 
 Net = Any
@@ -78,7 +78,7 @@ def trial(path: bytes, size: Any) -> None:  # noqa: ANN401 - of `Network`
         map_of(np.zeros((_TRIAL_SIDE, _TRIAL_SIDE, 3), np.uint8), net, replace(Network(), size=size))
 
 
-def map_of(image: NDArray[np.uint8], net: Net, params: Network) -> NDArray[np.float32]:
+def map_of(image: Image, net: Net, params: Network) -> Plane:
     """What a network says of each pixel of an image.
 
     Parameters
@@ -117,7 +117,7 @@ def map_of(image: NDArray[np.uint8], net: Net, params: Network) -> NDArray[np.fl
     return np.ascontiguousarray(np.clip(scaled, 0, 1), np.float32)
 
 
-def _plane(found: NDArray[np.float32], params: Network) -> NDArray[np.float32]:
+def _plane(found: Plane, params: Network) -> Plane:
     """The map of one channel of the output, as probability."""
     channels = found[0] if found.ndim == 4 and found.shape[0] == 1 else found
     channels = channels[None] if channels.ndim == 2 else channels

@@ -10,15 +10,12 @@ import math
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Image, Mask
 from ffseg.errors import SegmentationError
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap
 from ffseg.image.free import distances
 from ffseg.peer_parameters import EdgeComponents, EdgeOpened, FloodFill, GrabCut, Watershed
-
-Mask = NDArray[np.bool_]
-Image = NDArray[np.uint8]
 
 
 def floodfill(image: Image, seeds: Mask, params: FloodFill) -> Mask:

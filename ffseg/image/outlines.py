@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Array, Image
 from ffseg.geometry.orientation import ring_area
 
 OUTLINE_TOLERANCE = 0.75
 """Pixels by which an outline may leave the pixel staircase: less than a pixel, so that no pixel is lost."""
 
 
-def outlines(mask: NDArray[np.uint8]) -> list[NDArray[np.float64]]:
+def outlines(mask: Image) -> list[Array]:
     """Closed polygons round the regions of a mask.
 
     Parameters

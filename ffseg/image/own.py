@@ -10,15 +10,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.arrays import Image, Mask, Plane
 from ffseg.errors import SegmentationError
 from ffseg.image.checked import Pixels, taken_image
 from ffseg.image.disc import Disc, valid_disc
 from ffseg.image.parts import connected_parts
 from ffseg.parameters import Levels
-
-Image = NDArray[np.uint8]
-Mask = NDArray[np.bool_]
-Plane = NDArray[np.float32]
 
 LEAST_IMAGES = 5
 """With fewer, edges of the scene may stand on one place by chance."""

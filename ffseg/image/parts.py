@@ -10,6 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.arrays import Image, Indices, Mask
+
 
 @dataclass(frozen=True, eq=False)
 class Parts:
@@ -27,35 +29,35 @@ class Parts:
     number: int
 
     @cached_property
-    def areas(self) -> NDArray[np.intp]:
+    def areas(self) -> Indices:
         """Pixels of each, none for 0, shape (N + 1,); counted when asked for, as half of the callers do not ask."""
         found = np.bincount(self.labels.ravel(), minlength=self.number)
         found[0] = 0
         return found
 
-    def touching(self, mask: NDArray[np.bool_]) -> NDArray[np.int32]:
+    def touching(self, mask: Mask) -> NDArray[np.int32]:
         """Numbers of those with a pixel in a mask."""
         found = np.unique(self.labels[mask])
         return found[found > 0]
 
-    def pixels_of(self, numbers: NDArray[np.integer]) -> NDArray[np.bool_]:
+    def pixels_of(self, numbers: NDArray[np.integer]) -> Mask:
         """Pixels of some of them."""
         chosen = np.zeros(self.number, np.bool_)
         chosen[numbers] = True
         return chosen.take(self.labels)
 
-    def at_least(self, area: float) -> NDArray[np.bool_]:
+    def at_least(self, area: float) -> Mask:
         """Pixels of those that have so many."""
         return self.pixels_of(np.flatnonzero(self.areas >= max(area, 1)))
 
 
-def connected_parts(mask: NDArray[np.bool_] | NDArray[np.uint8], *, corners: bool = False) -> Parts:
+def connected_parts(mask: Mask | Image, *, corners: bool = False) -> Parts:
     """The parts of a mask, whose pixels hang together over their sides, or over corners too."""
     number, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8 if corners else 4)
     return Parts(np.asarray(labels, np.int32), number)
 
 
-def parts_holding(mask: NDArray[np.bool_], places: NDArray[np.bool_], *, corners: bool = False) -> NDArray[np.bool_]:
+def parts_holding(mask: Mask, places: Mask, *, corners: bool = False) -> Mask:
     """Pixels of the parts of a mask that have one of the places in them."""
     found, width = mask.astype(np.uint8), mask.shape[1]
     at = np.flatnonzero(places & mask)
@@ -66,7 +68,7 @@ def parts_holding(mask: NDArray[np.bool_], places: NDArray[np.bool_], *, corners
     return np.asarray(found == 2)
 
 
-def scattered(mask: NDArray[np.bool_]) -> Iterator[tuple[tuple[slice, slice], Parts]]:
+def scattered(mask: Mask) -> Iterator[tuple[tuple[slice, slice], Parts]]:
     """Parts of a mask that is nearly empty: rows and columns of windows that hold all of it, and the parts in each."""
     filled = np.pad(mask.any(axis=1), 1)
     for top, end in np.flatnonzero(filled[1:] != filled[:-1]).reshape(-1, 2).tolist():

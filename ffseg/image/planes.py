@@ -8,15 +8,11 @@ from typing import cast
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Image, Mask, Plane
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion, planar_motion
 from ffseg.image.components import Component, merged
-
-Grey = NDArray[np.uint8]
-Mask = NDArray[np.bool_]
-Field = NDArray[np.float32]
 
 CLEAR = 10
 """Pixels round the robot's disc that its border blurs."""
@@ -54,7 +50,7 @@ ABOVE_NOISE, MOST_OF_NOISE = 2.0, 8.0
 
 
 def search_ground_motions(
-    camera: Camera, current: Grey, previous: Grey, free: Mask, components: Sequence[Component] = ()
+    camera: Camera, current: Image, previous: Image, free: Mask, components: Sequence[Component] = ()
 ) -> Iterator[Motion]:
     """Planar motions that lay the current ground on the previous one, the likeliest first: a correlation over all shifts.
 
@@ -93,8 +89,8 @@ class _GroundGrid:
         1 where the ground is known; between 0 and 1 after turning or halving.
     """
 
-    texture: Field
-    valid: Field
+    texture: Plane
+    valid: Plane
 
     def turned(self, turn: float) -> _GroundGrid:
         """The view turned about the camera by `turn`."""
@@ -102,7 +98,7 @@ class _GroundGrid:
         c, s, middle = np.cos(turn), np.sin(turn), (size - 1) / 2.0
         matrix = np.array([[c, -s, middle * (1 - c + s)], [s, c, middle * (1 - s - c)]])
         return _GroundGrid(
-            *(cast(Field, cv2.warpAffine(part, matrix, (size, size))) for part in (self.texture, self.valid))
+            *(cast(Plane, cv2.warpAffine(part, matrix, (size, size))) for part in (self.texture, self.valid))
         )
 
     def halved(self) -> _GroundGrid:
@@ -114,7 +110,7 @@ class _GroundGrid:
         return _GroundGrid(texture, valid)
 
 
-def _cells(camera: Camera) -> NDArray[np.float32]:
+def _cells(camera: Camera) -> Plane:
     """Pixels of a square raster of ground points round the camera."""
     axis = (np.arange(CELLS) - (CELLS - 1) / 2.0) * CELL
     x, y = np.meshgrid(axis, axis)
@@ -123,7 +119,7 @@ def _cells(camera: Camera) -> NDArray[np.float32]:
     return np.nan_to_num(pixels, nan=-1e4).astype(np.float32)
 
 
-def _ground_view(camera: Camera, grey: Grey, pixels: NDArray[np.float32], mask: Mask) -> _GroundGrid:
+def _ground_view(camera: Camera, grey: Image, pixels: Plane, mask: Mask) -> _GroundGrid:
     """Clipped high-pass view of the ground from above, and where it is known."""
     smooth = cv2.GaussianBlur(cv2.pyrDown(grey), (0, 0), HALF_SMOOTHING)
     x, y = (np.ascontiguousarray(pixels[..., axis]) for axis in (0, 1))
@@ -140,7 +136,7 @@ def _ground_view(camera: Camera, grey: Grey, pixels: NDArray[np.float32], mask: 
     return _GroundGrid(shrunk.astype(np.float32), valid)
 
 
-def pixel_noise(grey: Grey, mask: Mask) -> float:
+def pixel_noise(grey: Image, mask: Mask) -> float:
     """Standard deviation of the pixels' noise: the median step between neighbours in every eighth row of a mask."""
     steps = np.abs(np.diff(grey[::8].astype(np.int16), axis=1))[mask[::8, 1:] & mask[::8, :-1]]
     if not len(steps):
@@ -158,7 +154,7 @@ MEDIAN_STEP = 0.9539
 """Median of the absolute difference of two normal values, in units of their standard deviation."""
 
 
-def _spectra(view: _GroundGrid) -> tuple[Field, Field, Field]:
+def _spectra(view: _GroundGrid) -> tuple[Plane, Plane, Plane]:
     """Transforms of the masked texture, of its squares and of the mask, padded against wrapping."""
     size = round(PADDING * len(view.texture))
     padded = np.zeros((3, size, size), np.float32)
@@ -168,11 +164,11 @@ def _spectra(view: _GroundGrid) -> tuple[Field, Field, Field]:
     return _transform(padded[0]), _transform(padded[1]), _transform(padded[2])
 
 
-def _transform(part: Field) -> Field:
-    return cast(Field, cv2.dft(part))
+def _transform(part: Plane) -> Plane:
+    return cast(Plane, cv2.dft(part))
 
 
-def _correlation(view: _GroundGrid, seen: tuple[Field, Field, Field]) -> Field:
+def _correlation(view: _GroundGrid, seen: tuple[Plane, Plane, Plane]) -> Plane:
     """Normalised correlation of the view with the previous one's spectra for every shift (rows, columns)."""
     texture, squares, valid = _spectra(view)
     product = _shifted(texture, seen[0])
@@ -180,20 +176,20 @@ def _correlation(view: _GroundGrid, seen: tuple[Field, Field, Field]) -> Field:
     overlap = _shifted(valid, seen[2])
     enough = overlap > LEAST_OVERLAP * max(1.0, float(view.valid.sum()))
     enough &= energy > LEAST_ENERGY * max(float(energy.max()), 1e-12)
-    result: Field = np.full_like(product, -1.0)
+    result: Plane = np.full_like(product, -1.0)
     result[enough] = product[enough] / np.sqrt(energy[enough])
     return result
 
 
-def _shifted(own: Field, seen: Field) -> Field:
+def _shifted(own: Plane, seen: Plane) -> Plane:
     """Sums of products for every shift, from two transforms."""
-    return cast(Field, cv2.dft(cv2.mulSpectrums(seen, own, 0, conjB=True), flags=_BACK))
+    return cast(Plane, cv2.dft(cv2.mulSpectrums(seen, own, 0, conjB=True), flags=_BACK))
 
 
 _BACK = cv2.DFT_INVERSE | cv2.DFT_SCALE
 
 
-def _shift(surface: Field, at: tuple[np.intp, ...]) -> tuple[float, float]:
+def _shift(surface: Plane, at: tuple[np.intp, ...]) -> tuple[float, float]:
     """Signed shift of a peak with the vertex of a parabola per axis."""
     size, result = len(surface), []
     for axis in (0, 1):
@@ -206,6 +202,6 @@ def _shift(surface: Field, at: tuple[np.intp, ...]) -> tuple[float, float]:
     return result[0], result[1]
 
 
-def halved(grey: Grey) -> Grey:
+def halved(grey: Image) -> Image:
     """The image at half its size: pixel (x, y) of it lies at (2x, 2y)."""
     return cv2.pyrDown(grey).astype(np.uint8, copy=False)

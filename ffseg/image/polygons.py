@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.geometry.bezier import Points
+from ffseg.arrays import Mask, Points
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.orientation import ring_area
 from ffseg.geometry.ragged import packed
@@ -50,9 +50,9 @@ class Polygon:
     label: int
 
     @property
-    def mask(self) -> NDArray[np.bool_]:
+    def mask(self) -> Mask:
         """The region's pixels in their own window, shape (h, w)."""
-        mask: NDArray[np.bool_] = self.labels == self.label
+        mask: Mask = self.labels == self.label
         return mask
 
     @property
@@ -66,9 +66,7 @@ class Polygon:
         return int(np.count_nonzero(self.mask))
 
 
-def polygons(
-    mask: NDArray[np.bool_], contours: Sequence[FreeForm] = (), flatness: float = FLATNESS
-) -> tuple[Polygon, ...]:
+def polygons(mask: Mask, contours: Sequence[FreeForm] = (), flatness: float = FLATNESS) -> tuple[Polygon, ...]:
     """Regions of a mask, in the order of their first pixels.
 
     Parameters

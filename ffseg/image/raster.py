@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from math import ceil, floor
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Mask
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import packed
 from ffseg.native import _core
@@ -17,7 +17,7 @@ TOLERANCE = 0.01
 curve only where its centre lies this close to it (about one in fifty boundary pixels has a centre there)."""
 
 
-def rasterize(contours: Sequence[FreeForm], shape: tuple[int, int], tolerance: float = TOLERANCE) -> NDArray[np.bool_]:
+def rasterize(contours: Sequence[FreeForm], shape: tuple[int, int], tolerance: float = TOLERANCE) -> Mask:
     """Mask of the region the contours enclose together.
 
     Parameters

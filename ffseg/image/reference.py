@@ -6,15 +6,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import cv2
-import numpy as np
-from numpy.typing import NDArray
+
+from ffseg.arrays import Image
 
 SIGMA = 1.5
 LOW, HIGH = 50, 150
 """Canny thresholds of K; they are part of its definition, as its duration depends on them a little."""
 
 
-def reference_kernel(grey: NDArray[np.uint8]) -> int:
+def reference_kernel(grey: Image) -> int:
     """Blur, Canny edges and a flood fill from the middle: the fixed kernel K.
 
     Parameters

@@ -8,6 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.arrays import Array, Image, Plane
+
 Level = TypeVar("Level", np.uint8, np.float32)
 
 
@@ -24,26 +26,24 @@ def resized(plane: NDArray[Level], shape: tuple[int, int]) -> NDArray[Level]:
     return np.asarray(cv2.resize(np.ascontiguousarray(plane), shape[::-1], interpolation=way), plane.dtype)
 
 
-Plane = NDArray[np.uint8]
-Values = NDArray[np.float32]
 NOWHERE = -1e4
 """Pixel of what is not shown."""
 
 
-def laid_out(table: Values, homography: NDArray[np.float64], count: int) -> tuple[Values, ...]:
+def laid_out(table: Plane, homography: Array, count: int) -> tuple[Plane, ...]:
     """Values of a table, shape (n, n, 4), where a homography takes columns and rows: four planes of `count` a side."""
     how = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     laid = cv2.warpPerspective(table, homography, (count, count), flags=how, borderValue=(NOWHERE,) * 4)
     return tuple(np.asarray(plane, np.float32) for plane in cv2.split(laid))
 
 
-def read_at(plane: Plane, x: Values, y: Values, *, nearest: bool = False) -> Plane:
+def read_at(plane: Image, x: Plane, y: Plane, *, nearest: bool = False) -> Image:
     """A plane at pixels: linear between them, or that of the nearest; 0 outside."""
     found = np.empty(x.shape, np.uint8)
     cv2.remap(plane, x, y, cv2.INTER_NEAREST if nearest else cv2.INTER_LINEAR, dst=found)
     return found
 
 
-def of_shares(part: Plane, whole: Plane, table: Values) -> Values:
+def of_shares(part: Image, whole: Image, table: Plane) -> Plane:
     """The values, shape (256,), of how many 255ths of each pixel of a plane another is; the first where there is nothing."""
     return np.asarray(cv2.LUT(cv2.divide(part, whole, scale=255.0), table), np.float32)

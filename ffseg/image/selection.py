@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from itertools import compress
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Mask
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import packed
 from ffseg.geometry.regions import group_regions
@@ -17,8 +17,6 @@ from ffseg.image.polygons import polygons
 from ffseg.image.raster import rasterize
 from ffseg.native import _core
 from ffseg.parameters import Region
-
-Mask = NDArray[np.bool_]
 
 
 def selected(contours: Sequence[FreeForm], mask: Mask, params: Region) -> tuple[tuple[FreeForm, ...], Mask]:

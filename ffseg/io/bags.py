@@ -22,8 +22,9 @@ from ffseg.io.files import printable
 from ffseg.plugins import require
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
+
+    from ffseg.arrays import Image
 
 MARK = "::/"
 """Between a bag and a topic."""
@@ -202,9 +203,7 @@ def _opened(path: str, kinds: tuple[str, ...]) -> Iterator[tuple[Any, list[Any]]
         ) from error
 
 
-def map_bag(
-    levels: NDArray[np.uint8], cell: float, origin: tuple[float, float], scans: Mapping[int, Mapping[str, Any]]
-) -> bytes:
+def map_bag(levels: Image, cell: float, origin: tuple[float, float], scans: Mapping[int, Mapping[str, Any]]) -> bytes:
     """An MCAP file with a ``nav_msgs/OccupancyGrid`` on ``/map`` and a ``sensor_msgs/LaserScan`` for each time on ``/scan``.
 
     Parameters
@@ -244,7 +243,7 @@ def _scan(types: Any, time: int, scan: Mapping[str, Any]) -> Any:  # noqa: ANN40
     )  # fmt: skip
 
 
-def _grid(types: Any, time: int, levels: NDArray[np.uint8], cell: float, origin: tuple[float, float]) -> Any:  # noqa: ANN401
+def _grid(types: Any, time: int, levels: Image, cell: float, origin: tuple[float, float]) -> Any:  # noqa: ANN401
     import numpy as np
 
     place = types["geometry_msgs/msg/Pose"](

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ffseg.geometry.bezier import Points
+from ffseg.arrays import Mask, Points
 from ffseg.image.polygons import Polygon
 from ffseg.io.masks import encode_mask
 
@@ -240,7 +239,7 @@ def _joined_ring(region: Polygon) -> Points:
     return ring
 
 
-def run_lengths(mask: NDArray[np.bool_]) -> list[int]:
+def run_lengths(mask: Mask) -> list[int]:
     """Uncompressed RLE counts as COCO defines them: down the columns, beginning with the zeros."""
     pixels = np.concatenate([[False], mask.ravel(order="F")])
     changes = np.flatnonzero(pixels[1:] != pixels[:-1])
@@ -248,7 +247,7 @@ def run_lengths(mask: NDArray[np.bool_]) -> list[int]:
     return bounds
 
 
-def from_run_lengths(lengths: Sequence[int], shape: tuple[int, int]) -> NDArray[np.bool_]:
+def from_run_lengths(lengths: Sequence[int], shape: tuple[int, int]) -> Mask:
     """The mask of these run lengths.
 
     Raises

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Mask
 from ffseg.errors import FfsegError, ImageReadError, UsageError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.raster import rasterize
@@ -20,7 +20,6 @@ from ffseg.io.exports import from_run_lengths
 from ffseg.io.files import printable, read_bytes
 from ffseg.io.images import decode_image
 
-Mask = NDArray[np.bool_]
 Paint = Callable[[Mask], None]
 """Sets the pixels of one region in the mask of an image."""
 

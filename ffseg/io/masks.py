@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.arrays import Image, Mask
 from ffseg.errors import ImageReadError, ParameterError
 from ffseg.io.files import printable, read_bytes
 from ffseg.io.images import Limits, decode_image, read_image
@@ -28,7 +29,7 @@ INSIDE = 128
 """A grey level from here on counts as inside when a mask is read."""
 
 
-def encode_picture(image: NDArray[np.uint8], suffix: str, options: list[int]) -> bytes:
+def encode_picture(image: Image, suffix: str, options: list[int]) -> bytes:
     """File of a grey or BGR image, with or without alpha, in a format that OpenCV writes."""
     done, encoded = cv2.imencode(suffix, image, options)
     if not done:  # reached only when memory is gone: every uint8 image of positive size encodes
@@ -37,12 +38,12 @@ def encode_picture(image: NDArray[np.uint8], suffix: str, options: list[int]) ->
     return data
 
 
-def encode_png(image: NDArray[np.uint8], options: list[int]) -> bytes:
+def encode_png(image: Image, options: list[int]) -> bytes:
     """PNG file of a grey or BGR image."""
     return encode_picture(image, ".png", options)
 
 
-def encode_mask(mask: NDArray[np.bool_]) -> bytes:
+def encode_mask(mask: Mask) -> bytes:
     """PNG file of a region: 255 inside, 0 outside.
 
     Parameters
@@ -62,9 +63,9 @@ def holds_other_than_mask(path: str | os.PathLike[str]) -> bool:
     return image.ndim != 2 or bool((image + np.uint8(1)).max() > 1)  # 255 becomes 0
 
 
-def decode_mask(data: bytes, limits: Limits | None = None) -> NDArray[np.bool_]:
+def decode_mask(data: bytes, limits: Limits | None = None) -> Mask:
     """Content of a mask file as a region, shape (H, W): True from a grey level of `INSIDE` on."""
-    inside: NDArray[np.bool_] = _strongest(decode_image(data, limits)) >= INSIDE
+    inside: Mask = _strongest(decode_image(data, limits)) >= INSIDE
     return inside
 
 
@@ -73,7 +74,7 @@ def _strongest(image: NDArray[Any]) -> NDArray[Any]:
     return levels
 
 
-def load_mask(key: str, path: str | None, limits: Limits | None = None) -> NDArray[np.uint8] | None:
+def load_mask(key: str, path: str | None, limits: Limits | None = None) -> Image | None:
     """Mask file that a parameter names, shape (H, W): 255 where it is not 0; None without a file.
 
     Parameters
@@ -100,7 +101,7 @@ def load_mask(key: str, path: str | None, limits: Limits | None = None) -> NDArr
     return np.where(levels > 0, np.uint8(255), np.uint8(0))
 
 
-def decode_labels(data: bytes, limits: Limits | None = None) -> NDArray[np.uint8] | NDArray[np.uint16]:
+def decode_labels(data: bytes, limits: Limits | None = None) -> Image | NDArray[np.uint16]:
     """Numbers of a label image as its file stores them, shape (H, W) for grey or (H, W, 3) in BGR order for colours.
 
     Unlike `decode_image`, 16-bit numbers are not scaled: 1 stays 1. The message of an error does not name the file.
@@ -126,18 +127,18 @@ def hides_levels(data: bytes) -> bool:
 class Bounds(TypedDict):
     """Where the contour may go, start and may not be, as arguments of `ffseg.segment`."""
 
-    domain: NDArray[np.uint8] | None
-    start_mask: NDArray[np.uint8] | None
-    background: NDArray[np.uint8] | None
+    domain: Image | None
+    start_mask: Image | None
+    background: Image | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Masks:
     """What is known of an image's pixels before it is segmented: 255 or 0, as `load_mask` gives them, or nothing."""
 
-    domain: NDArray[np.uint8] | None = None
-    start: NDArray[np.uint8] | None = None
-    background: NDArray[np.uint8] | None = None
+    domain: Image | None = None
+    start: Image | None = None
+    background: Image | None = None
 
     @property
     def bounds(self) -> Bounds:

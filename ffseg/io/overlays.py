@@ -9,8 +9,8 @@ from typing import Literal
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Array, Image, Mask
 from ffseg.errors import OutputError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.io.masks import encode_picture, encode_png
@@ -51,7 +51,7 @@ class Polyline:
     kind : {"outer", "obstacle", "false", "untested", "agrees", "differs", "silent"}
     """
 
-    points: NDArray[np.float64]
+    points: Array
     kind: Kind
 
 
@@ -60,14 +60,12 @@ def polylines(contours: Iterable[FreeForm], tolerance: float = FLATNESS) -> list
     return [Polyline(one.flatten(tolerance), "outer" if one.signed_area > 0 else "obstacle") for one in contours]
 
 
-def as_colour(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def as_colour(image: Image) -> Image:
     """The image in BGR, contiguous: itself if it is so."""
     return np.ascontiguousarray(image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2))
 
 
-def draw_overlay(
-    image: NDArray[np.uint8], polylines: Sequence[Polyline], mask: NDArray[np.bool_] | None = None
-) -> NDArray[np.uint8]:
+def draw_overlay(image: Image, polylines: Sequence[Polyline], mask: Mask | None = None) -> Image:
     """Image with the region tinted and closed antialiased lines, outer ones last so that they stay visible.
 
     Parameters
@@ -93,10 +91,7 @@ def draw_overlay(
 
 
 def encode_overlay(
-    image: NDArray[np.uint8],
-    polylines: Sequence[Polyline],
-    mask: NDArray[np.bool_] | None = None,
-    suffix: str = ".png",
+    image: Image, polylines: Sequence[Polyline], mask: Mask | None = None, suffix: str = ".png"
 ) -> bytes:
     """File of `draw_overlay`: PNG packed for speed, or JPEG or WebP by the suffix."""
     drawn = draw_overlay(image, polylines, mask)
@@ -109,7 +104,7 @@ def encode_overlay(
     return data
 
 
-def encode_cutout(image: NDArray[np.uint8], mask: NDArray[np.bool_], suffix: str = ".png") -> bytes:
+def encode_cutout(image: Image, mask: Mask, suffix: str = ".png") -> bytes:
     """PNG or WebP file of the image inside the region, transparent and black elsewhere.
 
     Raises
@@ -128,7 +123,7 @@ _LOSSLESS = 101
 """From 101 on OpenCV's WebP keeps every pixel."""
 
 
-def encode_jpeg(image: NDArray[np.uint8], quality: int, *, sharp: bool = False) -> bytes:
+def encode_jpeg(image: Image, quality: int, *, sharp: bool = False) -> bytes:
     """JPEG file of a grey or BGR image, of a quality from 0 to 100; where it is to be sharp, with a colour for each pixel."""
     how = [cv2.IMWRITE_JPEG_QUALITY, quality]
     if sharp:
@@ -136,6 +131,6 @@ def encode_jpeg(image: NDArray[np.uint8], quality: int, *, sharp: bool = False) 
     return encode_picture(np.ascontiguousarray(image), ".jpg", how)
 
 
-def jpeg_address(image: NDArray[np.uint8], quality: int) -> str:
+def jpeg_address(image: Image, quality: int) -> str:
     """``data:`` address of `encode_jpeg`, to stand in a document."""
     return "data:image/jpeg;base64," + base64.b64encode(encode_jpeg(image, quality)).decode("ascii")

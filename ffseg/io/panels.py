@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Image, Mask
 from ffseg.io.masks import encode_png
 from ffseg.io.overlays import Polyline, draw_overlay
 
@@ -37,11 +37,11 @@ class Tile:
     """
 
     label: str
-    mask: NDArray[np.bool_] | None
+    mask: Mask | None
     polylines: Sequence[Polyline]
 
 
-def encode_panel(image: NDArray[np.uint8], tiles: Sequence[Tile]) -> bytes:
+def encode_panel(image: Image, tiles: Sequence[Tile]) -> bytes:
     """PNG file with one tile per method, four in a row.
 
     Parameters
@@ -58,7 +58,7 @@ def encode_panel(image: NDArray[np.uint8], tiles: Sequence[Tile]) -> bytes:
     return encode_png(np.ascontiguousarray(np.vstack(rows)), [cv2.IMWRITE_PNG_COMPRESSION, 3])
 
 
-def _drawn(image: NDArray[np.uint8], tile: Tile) -> NDArray[np.uint8]:
+def _drawn(image: Image, tile: Tile) -> Image:
     picture = draw_overlay(image, tile.polylines, tile.mask)
     height, width = image.shape[:2]
     scale = min(TILE_WIDTH / width, TILE_HEIGHT / height)

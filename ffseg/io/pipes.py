@@ -13,14 +13,13 @@ from typing import BinaryIO
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Image
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.io.files import printable
 from ffseg.io.images import Limits
 from ffseg.io.overlays import as_colour
 
-Array = NDArray[np.uint8]
 _RAW = re.compile(r"(\d{1,5})x(\d{1,5}):(bgr24|rgb24|gray)")
 _MAGIC, _FRAME = b"YUV4MPEG2", b"FRAME"
 _LONGEST = 1024
@@ -111,7 +110,7 @@ def _y4m_form(stream: BinaryIO) -> FrameFormat:
     return FrameFormat(int(sides[0]), int(sides[1]), layout, kept, layout == "420" and "XCOLORRANGE=FULL" in tags)
 
 
-def frames(stream: BinaryIO, form: FrameFormat) -> Iterator[Array]:
+def frames(stream: BinaryIO, form: FrameFormat) -> Iterator[Image]:
     """Frames of a stream, shape (H, W) or (H, W, 3) in BGR order.
 
     Raises
@@ -136,7 +135,7 @@ def frames(stream: BinaryIO, form: FrameFormat) -> Iterator[Array]:
         yield _pixels(np.frombuffer(data, np.uint8), form)
 
 
-def _pixels(data: Array, form: FrameFormat) -> Array:
+def _pixels(data: Image, form: FrameFormat) -> Image:
     """A frame as an image, a copy where the layout is another."""
     height, width = form.height, form.width
     if form.layout in ("gray", "mono"):
@@ -160,7 +159,7 @@ def head(form: FrameFormat, *, grey: bool) -> bytes:
     return b" ".join([_MAGIC, *(tag.encode("ascii", "replace") for tag in tags)]) + b"\n"
 
 
-def encoded(picture: Array, form: FrameFormat) -> bytes:
+def encoded(picture: Image, form: FrameFormat) -> bytes:
     """A picture, shape (H, W) for grey or (H, W, 3) in BGR order, as a frame of such a stream."""
     if form.is_raw:
         return (picture[:, :, ::-1] if form.layout == "rgb24" and picture.ndim == 3 else picture).tobytes()

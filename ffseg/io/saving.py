@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Image
 from ffseg.errors import OutputError, SegmentationError
 from ffseg.image.checked import Pixels, taken_image
 from ffseg.io.tables import counted
@@ -55,7 +55,7 @@ class ImageInfo:
     """
 
     name: str = ""
-    image: NDArray[np.uint8] | None = None
+    image: Image | None = None
     behind: str = ""
     label: str = "region"
 

@@ -7,8 +7,8 @@ from typing import Protocol
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Image
 from ffseg.geometry.freeform import FreeForm
 from ffseg.io.overlays import as_colour
 
@@ -37,7 +37,7 @@ TALLEST = 4096
 """Pixels of a scaled picture: more than any screen has, and WebP ends at 16383."""
 
 
-def scaled_down(image: NDArray[np.uint8], width: int) -> tuple[NDArray[np.uint8], float]:
+def scaled_down(image: Image, width: int) -> tuple[Image, float]:
     """Image of at most `width` px, and `TALLEST` high, as BGR, and its scale; never enlarged."""
     height, full = image.shape[:2]
     scale = min(1.0, width / full, TALLEST / height)

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ffseg.arrays import Image
 from ffseg.io.overlays import jpeg_address
 from ffseg.io.snapshots import Snapshot, evenly_spaced, scaled_down
 from ffseg.io.svg import escape, number, path_data
@@ -20,9 +18,7 @@ _COLOURS = {True: "#3cdc50", False: "#f03c3c"}
 """Outer contours and holes, as the overlays have them."""
 
 
-def film_strip_svg(
-    image: NDArray[np.uint8], snapshots: Sequence[Snapshot], panels: int = PANELS, title: str = ""
-) -> str:
+def film_strip_svg(image: Image, snapshots: Sequence[Snapshot], panels: int = PANELS, title: str = "") -> str:
     """SVG with panels side by side: the image with the contours of a snapshot, and the iteration below.
 
     Parameters

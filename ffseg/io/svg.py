@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ffseg.arrays import Points
 from ffseg.geometry import bezier
-from ffseg.geometry.bezier import Points
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.regions import group_regions
 from ffseg.native import _core

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from statistics import mean
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Image, Mask
 from ffseg.batch.plan.beside import find_domains, find_truths
 from ffseg.batch.plan.discover import discover
 from ffseg.batch.plan.sources import InputImage
@@ -50,10 +50,10 @@ class LabelledImage:
     """
 
     name: str
-    image: NDArray[np.uint8]
-    truth: NDArray[np.uint8]
+    image: Image
+    truth: Image
     params: Parameters
-    start: NDArray[np.bool_] | None
+    start: Mask | None
     masks: Masks = NO_MASKS
     fixed: frozenset[str] = frozenset()
 
@@ -147,9 +147,7 @@ def _read(
     )
 
 
-def start_region(
-    shape: tuple[int, ...], params: Parameters, mask: NDArray[np.uint8] | None = None
-) -> NDArray[np.bool_] | None:
+def start_region(shape: tuple[int, ...], params: Parameters, mask: Image | None = None) -> Mask | None:
     """Pixels in the start that the parameters, or a mask, name; None where they name none."""
     init = params.init
     if init.center == "auto" and not init.circles and not init.boxes and mask is None:

@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.arrays import Array, Mask, Plane
 from ffseg.evidence import base, box, hints, prior
 from ffseg.evidence.clicks import HALF, Click, ClickedImage, first_state, next_state
 from ffseg.evidence.features import NAMES, PLACE, WORKING_SIZE, features
@@ -85,9 +86,9 @@ SAME_EVERYWHERE = {
 class Samples:
     """Pixels of one look: rows of what a forest sees, which lie inside, and how much each counts."""
 
-    rows: NDArray[np.float32]
-    inside: NDArray[np.bool_]
-    weights: NDArray[np.float64]
+    rows: Plane
+    inside: Mask
+    weights: Array
 
 
 def main() -> int:
@@ -207,9 +208,7 @@ def for_box(kind: str, number: int, seen: Sight) -> list[Samples]:
     return found
 
 
-def sampled(
-    planes: NDArray[np.float32], known: NDArray[np.int8], rng: np.random.Generator, most: int = PIXELS
-) -> Samples:
+def sampled(planes: Plane, known: NDArray[np.int8], rng: np.random.Generator, most: int = PIXELS) -> Samples:
     """Some of the pixels that are known, of planes of shape (F, h, w), half of them inside.
 
     Both sides are weighed between alike and by their area.

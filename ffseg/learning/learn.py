@@ -7,9 +7,9 @@ from dataclasses import asdict, dataclass, replace
 from statistics import mean, pstdev, stdev
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ffseg import __version__
+from ffseg.arrays import Image, Mask, Plane
 from ffseg.batch.plan.sources import InputImage
 from ffseg.batch.workers.pictures import read_source
 from ffseg.errors import ImageReadError, SegmentationError, UsageError
@@ -21,16 +21,7 @@ from ffseg.image.exposure import normalised_exposure
 from ffseg.io.files import printable
 from ffseg.io.tables import counted, without_nan
 from ffseg.learning.gather import LabelledImage, TrainingSet, known_share, start_region
-from ffseg.learning.training import (
-    BaseChoice,
-    Example,
-    PriorChoice,
-    Samples,
-    grown,
-    learn,
-    samples,
-    starts_in,
-)
+from ffseg.learning.training import BaseChoice, Example, PriorChoice, Samples, grown, learn, samples, starts_in
 from ffseg.metrics import iou
 from ffseg.parameters import Parameters
 from ffseg.pipeline import segment
@@ -180,7 +171,7 @@ def _overlap(one: LabelledImage, model: Model | None) -> float:
     return _contoured(one, params, None if model is None or start is None else model_odds(model, one.image, start))
 
 
-def _contoured(one: LabelledImage, params: Parameters, evidence: NDArray[np.float32] | None) -> float:
+def _contoured(one: LabelledImage, params: Parameters, evidence: Plane | None) -> float:
     try:
         return iou(segment(Scene(one.image, params, evidence=evidence, **one.masks.bounds)).mask, one.truth)
     except SegmentationError:
@@ -264,6 +255,6 @@ def _doubt(source: InputImage, gathered: TrainingSet, model: Model, params: Para
     return uncertainty(model, image, start)
 
 
-def uncertainty(model: Model, image: NDArray[np.uint8], start: NDArray[np.bool_]) -> float:
+def uncertainty(model: Model, image: Image, start: Mask) -> float:
     """Mean of how undecided a model, with the prior where it asks it, is: 0 where all is sure, 1 where all is even."""
     return float(np.mean(1 - np.abs(2 * model_odds(model, image, start) - 1)))

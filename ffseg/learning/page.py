@@ -9,9 +9,9 @@ from statistics import mean, pstdev
 from typing import TypeGuard
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ffseg import __version__
+from ffseg.arrays import Mask
 from ffseg.io.files import printable
 from ffseg.io.masks import encode_png
 from ffseg.io.tables import counted
@@ -93,10 +93,7 @@ def _is_row(value: object) -> TypeGuard[tuple[float, ...]]:
 
 
 def to_html(
-    tuned: TuningResult,
-    labelled: Sequence[LabelledImage],
-    masks: Sequence[tuple[NDArray[np.bool_], NDArray[np.bool_]]],
-    written: str,
+    tuned: TuningResult, labelled: Sequence[LabelledImage], masks: Sequence[tuple[Mask, Mask]], written: str
 ) -> str:
     """A page that needs no other file: what was measured, what was `written`, and each image before and after."""
     sentences = [*summary_lines(tuned), *not_tried(tuned)]
@@ -130,7 +127,7 @@ _FOUND, _MISSED, _LEAKED = (90, 200, 60), (220, 120, 40), (30, 140, 255)
 """BGR."""
 
 
-def _picture(one: LabelledImage, mask: NDArray[np.bool_]) -> str:
+def _picture(one: LabelledImage, mask: Mask) -> str:
     """The image with what was found, missed and leaked, as a data address."""
     step = max(1, -(-one.image.shape[1] // WIDEST))
     image, truth, found = one.image[::step, ::step], one.truth[::step, ::step], mask[::step, ::step]

@@ -10,18 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.arrays import Image, Indices, Mask, Plane
 from ffseg.errors import UsageError
 from ffseg.evidence.base import base, enough_of, joined, mean_overlap, odds_of
-from ffseg.evidence.features import (
-    KNOWN,
-    NAMES,
-    PLACE,
-    TEXTURE,
-    WORKING_SIZE,
-    features,
-    reduced_mean,
-    reduction,
-)
+from ffseg.evidence.features import KNOWN, NAMES, PLACE, TEXTURE, WORKING_SIZE, features, reduced_mean, reduction
 from ffseg.evidence.forest import Forest, Model
 from ffseg.evidence.openings import OPEN
 from ffseg.evidence.prior import prior
@@ -112,9 +104,9 @@ class Example:
         px; of the starts that are drawn.
     """
 
-    image: NDArray[np.uint8]
-    truth: NDArray[np.uint8]
-    start: NDArray[np.bool_] | None
+    image: Image
+    truth: Image
+    start: Mask | None
     radius: float
 
 
@@ -131,9 +123,9 @@ class Samples:
         Log odds that the prior gives; None where it was not asked.
     """
 
-    rows: NDArray[np.float32]
-    inside: NDArray[np.bool_]
-    prior: NDArray[np.float32] | None = None
+    rows: Plane
+    inside: Mask
+    prior: Plane | None = None
 
 
 def samples(example: Example) -> Samples:
@@ -166,7 +158,7 @@ def samples(example: Example) -> Samples:
     return Samples(np.concatenate(rows), inside, np.concatenate(odds))
 
 
-def _chosen(known: NDArray[np.int8], rng: np.random.Generator) -> NDArray[np.intp]:
+def _chosen(known: NDArray[np.int8], rng: np.random.Generator) -> Indices:
     """Places of known pixels, drawn evenly, but for as many of each side, where there are, as a leaf holds."""
     places = rng.permutation(np.flatnonzero(known >= 0))
     chosen, left = np.split(places, [PIXELS // STARTS])
@@ -175,7 +167,7 @@ def _chosen(known: NDArray[np.int8], rng: np.random.Generator) -> NDArray[np.int
     return np.concatenate([chosen, *more])
 
 
-def starts_in(example: Example, rng: np.random.Generator) -> list[NDArray[np.bool_]]:
+def starts_in(example: Example, rng: np.random.Generator) -> list[Mask]:
     """The start of an image and others drawn where they lie inside its mask."""
     own = [] if example.start is None else [example.start]
     inside = example.truth == INSIDE
@@ -191,7 +183,7 @@ def starts_in(example: Example, rng: np.random.Generator) -> list[NDArray[np.boo
     return own + [(rows - y) ** 2 + (columns - x) ** 2 <= radius**2 for y, x in drawn]
 
 
-def _windows_inside(inside: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:
+def _windows_inside(inside: Mask, radius: float) -> Mask:
     """Pixels whose window of ``radius`` to all sides lies inside and in the image."""
     reach = int(radius)
     sums = np.pad(inside, ((1, 0), (1, 0))).astype(np.int64).cumsum(0).cumsum(1)
@@ -203,7 +195,7 @@ def _windows_inside(inside: NDArray[np.bool_], radius: float) -> NDArray[np.bool
     return found
 
 
-def known_pixels(truth: NDArray[np.uint8], factor: int) -> NDArray[np.int8]:
+def known_pixels(truth: Image, factor: int) -> NDArray[np.int8]:
     """Reduced pixels: 1 inside, 0 outside, -1 unknown or of both."""
     share = reduced_mean((truth == INSIDE).astype(np.float32), factor)
     unknown = reduced_mean((truth == IGNORED).astype(np.float32), factor)
@@ -212,7 +204,7 @@ def known_pixels(truth: NDArray[np.uint8], factor: int) -> NDArray[np.int8]:
     return known
 
 
-def known_of_some(truth: NDArray[np.uint8], factor: int) -> NDArray[np.int8]:
+def known_of_some(truth: Image, factor: int) -> NDArray[np.int8]:
     """The same of scribbles: what is known of a reduced pixel, be it one pixel of many, says all of it."""
     inside, outside = (reduced_mean((truth == level).astype(np.float32), factor) for level in (INSIDE, OUTSIDE))
     least = (1 - MIXED) * (inside + outside)
@@ -221,7 +213,7 @@ def known_of_some(truth: NDArray[np.uint8], factor: int) -> NDArray[np.int8]:
     )
 
 
-def mirrored(rows: NDArray[np.float32]) -> NDArray[np.float32]:
+def mirrored(rows: Plane) -> Plane:
     """The same pixels of the image in a mirror: what changes is their place."""
     found = rows.copy()
     found[:, NAMES.index("x")] = 1 - rows[:, NAMES.index("x")]
@@ -229,14 +221,8 @@ def mirrored(rows: NDArray[np.float32]) -> NDArray[np.float32]:
     return found
 
 
-Odds = NDArray[np.float32]
-
-
 def grow(
-    chosen: Sequence[Samples],
-    names: tuple[str, ...] = TAUGHT,
-    trees: int = TREES,
-    begin: Sequence[Odds] | None = None,
+    chosen: Sequence[Samples], names: tuple[str, ...] = TAUGHT, trees: int = TREES, begin: Sequence[Plane] | None = None
 ) -> Forest:
     """Grow a forest; every image counts alike. It adds to the log odds that `begin` names for each image, if given.
 
@@ -262,7 +248,7 @@ def grow(
 
 
 def _boosted(
-    chosen: Sequence[Samples], names: tuple[str, ...], trees: int, rate: float, begin: Sequence[Odds] | None = None
+    chosen: Sequence[Samples], names: tuple[str, ...], trees: int, rate: float, begin: Sequence[Plane] | None = None
 ) -> list[dict[str, Any]]:
     """LightGBM's trees; `names` begin as ``TAUGHT`` does, or are converted with themselves."""
     require(*LIGHTGBM)
@@ -306,7 +292,7 @@ class BaseChoice:
     taught: float | None
 
 
-def choose_base(chosen: Sequence[Samples], odds: Sequence[Odds]) -> BaseChoice:
+def choose_base(chosen: Sequence[Samples], odds: Sequence[Plane]) -> BaseChoice:
     """Whether the base, which gives these log odds, is corrected: where it serves, or the masks teach each other less.
 
     Notes
@@ -418,7 +404,7 @@ def _left_out_overlap(chosen: Sequence[Samples]) -> float:
 
 
 @lru_cache(maxsize=1)  # of masks that leave the base aside both decisions ask
-def _left_out_odds(chosen: tuple[Samples, ...], *, corrected: bool) -> list[Odds]:
+def _left_out_odds(chosen: tuple[Samples, ...], *, corrected: bool) -> list[Plane]:
     """Log odds of some pixels of each image, of a small forest grown on the others alone, or correcting the base."""
     thin = [Samples(one.rows[::THIN], one.inside[::THIN]) for one in chosen]
     begin = [odds_of(base(), one.rows) for one in thin] if corrected else None

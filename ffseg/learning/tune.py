@@ -9,8 +9,8 @@ from itertools import islice
 from statistics import mean
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Mask
 from ffseg.contour import bounded
 from ffseg.errors import SegmentationError
 from ffseg.image.edges import EdgeMap
@@ -90,7 +90,7 @@ class Bench:
         mask = self.mask(number, setting)
         return 0.0 if mask is None else iou(mask, self._labelled[number].truth)
 
-    def mask(self, number: int, setting: Setting) -> NDArray[np.bool_] | None:
+    def mask(self, number: int, setting: Setting) -> Mask | None:
         """The region on one image; None where it cannot be segmented."""
         one = self._labelled[number]
         params = with_setting(one.params, {key: value for key, value in setting.items() if key not in one.fixed})
@@ -155,9 +155,7 @@ def tune(labelled: Sequence[LabelledImage], budget: float, tell: Tell) -> Tuning
     return replace(found, seconds=time.monotonic() - begin)
 
 
-def before_and_after(
-    labelled: Sequence[LabelledImage], tuned: TuningResult
-) -> list[tuple[NDArray[np.bool_], NDArray[np.bool_]]]:
+def before_and_after(labelled: Sequence[LabelledImage], tuned: TuningResult) -> list[tuple[Mask, Mask]]:
     """The region on each image with the parameters as they were, and with the best setting; empty where there is none."""
     bench = Bench(labelled)
     pairs = []

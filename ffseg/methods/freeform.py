@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Image
 from ffseg.errors import ParameterError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import packed, unpacked
@@ -107,7 +107,7 @@ def _options(scene: Scene) -> _core.EvolutionOptions:
     return options
 
 
-def _colours(scene: Scene) -> NDArray[np.uint8] | None:
+def _colours(scene: Scene) -> Image | None:
     """The image by channels, shape (H, W, C), where its colours have a weight."""
     if scene.params.region.weight == 0:
         return None

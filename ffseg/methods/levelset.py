@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Array
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import unpacked
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap
@@ -81,7 +81,7 @@ def _options(edge_map: EdgeMap, params: Parameters) -> _core.LevelSetOptions:
     return options
 
 
-def _slowness(exponent: float, stop: int) -> NDArray[np.float64]:
+def _slowness(exponent: float, stop: int) -> Array:
     """1 / F_diff for every stored gradient level; infinite from `stop` on."""
     slowness = np.full(LEVELS, np.inf)
     slowness[:stop] = 1.0 + (np.arange(stop) / GRADIENT_SCALE) ** exponent

@@ -8,8 +8,8 @@ from importlib import import_module
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Array, Image, Mask
 from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image import opencv_peers
@@ -33,8 +33,6 @@ from ffseg.peer_parameters import (
 from ffseg.plugins import PEERS
 from ffseg.scene import Outcome, Scene
 
-Mask = NDArray[np.bool_]
-Image = NDArray[np.uint8]
 S = TypeVar("S")
 
 
@@ -54,7 +52,7 @@ def geodesic(edges: EdgeMap, seeds: Mask, params: SkimageGac, callback: Callable
     return found
 
 
-def _levels(image: Image, sigma: float) -> NDArray[np.float64]:
+def _levels(image: Image, sigma: float) -> Array:
     grey = image if image.ndim == 2 else image.mean(axis=2).astype(np.uint8)
     return opencv_peers.smooth(grey, sigma) / 255.0
 
@@ -89,7 +87,7 @@ _MARGIN = 2.0
 """Pixels the start ellipse stays inside the image."""
 
 
-def _speed(edges: EdgeMap, seeds: Mask, threshold: float) -> NDArray[np.float64]:
+def _speed(edges: EdgeMap, seeds: Mask, threshold: float) -> Array:
     """F_diff with p = 2, zero on edges, one in the start."""
     speed = np.where(opencv_peers.free_of_edges(edges, threshold), edges.diffusion(2.0), 0.0)
     speed[seeds] = 1.0

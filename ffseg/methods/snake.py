@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Points
 from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.methods.effort import budget, evolve, iterations
@@ -74,7 +74,7 @@ def run(scene: Scene) -> Outcome:
     return Outcome(contours, _stats(snake, initial))
 
 
-def _points(start: FreeForm, spacing: float) -> NDArray[np.float64]:
+def _points(start: FreeForm, spacing: float) -> Points:
     """Points along the start contour, equally far apart."""
     polygon = start.flatten()
     closed = np.concatenate([polygon, polygon[:1]])

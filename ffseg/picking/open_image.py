@@ -7,9 +7,9 @@ from threading import Lock
 from time import perf_counter
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ffseg.api import segment
+from ffseg.arrays import Image, Mask
 from ffseg.errors import FfsegError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.io.masks import NO_MASKS, Bounds, Masks
@@ -21,8 +21,6 @@ from ffseg.parameters import Parameters, Seed
 from ffseg.picking.picks import ImagePicks, paint_strokes
 from ffseg.pipeline import outlines_of
 from ffseg.starts.initial import start_contours
-
-Mask = NDArray[np.bool_]
 
 WIDEST, NARROWEST = 400, 200
 """Pixels of the longer side of the copy that is segmented while the hand moves, at most and at least."""
@@ -86,10 +84,10 @@ class OpenImage:
         Where the contour may go, start and may not be.
     """
 
-    def __init__(self, image: NDArray[np.uint8], masks: Masks = NO_MASKS) -> None:
+    def __init__(self, image: Image, masks: Masks = NO_MASKS) -> None:
         self.image, self._masks = image, masks
         self._widest = WIDEST
-        self._copies: dict[int, NDArray[np.uint8]] = {}
+        self._copies: dict[int, Image] = {}
         self._picture = b""
         self._last: tuple[ImagePicks, Parameters, PickedRegion] | None = None
         self._models = 0  # that were forgotten
@@ -147,7 +145,7 @@ class OpenImage:
         self._models += 1
         self._last = None
 
-    def _copy(self) -> tuple[NDArray[np.uint8], float]:
+    def _copy(self) -> tuple[Image, float]:
         longest = max(self.shape)
         if longest <= self._widest:
             return self.image, 1.0
@@ -160,14 +158,14 @@ class OpenImage:
             ((np.arange(few) + 0.5) * many / few).astype(int) for few, many in zip(shape, self.shape, strict=True)
         )
 
-        def seen(mask: NDArray[np.uint8] | None) -> NDArray[np.uint8] | None:
+        def seen(mask: Image | None) -> Image | None:
             return mask if mask is None or mask.shape != self.shape else mask[np.ix_(rows, columns)]
 
         masks = self._masks
         return Bounds(domain=seen(masks.domain), start_mask=seen(masks.start), background=seen(masks.background))
 
     def _grown(
-        self, image: NDArray[np.uint8], factor: float, picked: ImagePicks, params: Parameters, base: Mask | None
+        self, image: Image, factor: float, picked: ImagePicks, params: Parameters, base: Mask | None
     ) -> PickedRegion:
         shape = (image.shape[0], image.shape[1])
         if base is not None and not picked.grows:
@@ -200,7 +198,7 @@ class OpenImage:
         return None
 
 
-def _reduced(image: NDArray[np.uint8], longest: int) -> NDArray[np.uint8]:
+def _reduced(image: Image, longest: int) -> Image:
     """A copy in colour whose longer side has so many pixels."""
     return scaled_down(image, round(image.shape[1] * longest / max(image.shape[:2])))[0]
 

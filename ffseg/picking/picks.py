@@ -12,8 +12,8 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Array, Mask
 from ffseg.errors import OutputError, UsageError
 from ffseg.io.files import OWN, printable, unwritten
 from ffseg.io.starts import LIMITS, MAX_PIXELS, Start
@@ -164,7 +164,7 @@ def _value(value: object, kind: str) -> float | None:
     return None if value is None else min(high, max(low, _number(value)))
 
 
-def paint_strokes(mask: NDArray[np.bool_], strokes: tuple[Stroke, ...], factor: float = 1.0) -> NDArray[np.bool_]:
+def paint_strokes(mask: Mask, strokes: tuple[Stroke, ...], factor: float = 1.0) -> Mask:
     """The mask with strokes painted over it, by the pixel-centre rule.
 
     Parameters
@@ -181,7 +181,7 @@ def paint_strokes(mask: NDArray[np.bool_], strokes: tuple[Stroke, ...], factor: 
     return found
 
 
-def _paint(mask: NDArray[np.bool_], a: NDArray[np.float64], b: NDArray[np.float64], radius: float, value: bool) -> None:
+def _paint(mask: Mask, a: Array, b: Array, radius: float, value: bool) -> None:
     """Set the pixels within `radius` of the line from a to b."""
     size = np.array(mask.shape[::-1])
     left, top = np.clip(np.floor(np.minimum(a, b) - radius), 0, size).astype(int)

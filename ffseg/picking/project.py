@@ -12,9 +12,7 @@ from dataclasses import replace
 from hashlib import blake2b
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ffseg.arrays import Mask
 from ffseg.batch.outputs.encoding import path_from
 from ffseg.batch.plan.sources import InputImage
 from ffseg.batch.report.folder import OutputFolder
@@ -131,12 +129,12 @@ class Project:
         model = self.model
         return replace(self._params, edges=replace(self._params.edges, model=model)) if model else self._params
 
-    def base(self, name: str) -> NDArray[np.bool_] | None:
+    def base(self, name: str) -> Mask | None:
         """What another program or a run has found in an image; None where there is no mask of it."""
         imported = self.mask(name, IMPORTED)
         return self._reviewed(name) if imported is None else imported
 
-    def _reviewed(self, name: str) -> NDArray[np.bool_] | None:
+    def _reviewed(self, name: str) -> Mask | None:
         """The mask of an image in the run that is reviewed, also where it was packed."""
         if self._run is None or self._run.path != Path(self.review):
             self._run = OutputFolder(Path(self.review), "run", [], {})
@@ -145,7 +143,7 @@ class Project:
             return decode_mask(self._run.content(path, MOST_BYTES)) if path else None
         return None
 
-    def mask(self, name: str, folder: str = MASKS) -> NDArray[np.bool_] | None:
+    def mask(self, name: str, folder: str = MASKS) -> Mask | None:
         """The mask of an image in one of the own folders; None where there is none."""
         with contextlib.suppress(ImageReadError):
             return decode_mask(read_bytes(self.mask_path(name, self.path(folder)), MOST_BYTES))
@@ -162,7 +160,7 @@ class Project:
         """Images of a status other than ``open``."""
         return len(self.journal.names(lambda track: track.now.status == status))
 
-    def keep_region(self, region: NDArray[np.bool_]) -> str:
+    def keep_region(self, region: Mask) -> str:
         """Keep what an accepted mask was painted on, whatever another model or run finds then; its digest."""
         data = encode_mask(region)
         digest = blake2b(data, digest_size=16).hexdigest()

@@ -12,9 +12,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ffseg.arrays import Mask
 from ffseg.batch.plan.beside import find_domains
 from ffseg.batch.plan.jobs import make_plan
 from ffseg.batch.plan.reading import place_of
@@ -381,7 +379,7 @@ class Session:
         self._work[label].run()
 
 
-def _has_two_sides(mask: NDArray[np.bool_]) -> bool:
+def _has_two_sides(mask: Mask) -> bool:
     return bool(mask.any() and not mask.all())
 
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.arrays import Array, Image, Mask
 from ffseg.camera.model import Camera
 from ffseg.rendering.scene import Box, Mark, Room, World
 from ffseg.rendering.texture import Noise
 
-Array = NDArray[np.float64]
 Labels = NDArray[np.int16]
 
 OUTSIDE, GROUND, FIRST_MARK, STREAK, SHADOW, FIRST_BOX, FIRST_WALL = -1, 0, 1, 90, 91, 100, 200
@@ -42,8 +42,8 @@ class Rendering:
         shadow, from 100 boxes, from 200 walls.
     """
 
-    image: NDArray[np.uint8]
-    truth: NDArray[np.bool_]
+    image: Image
+    truth: Mask
     labels: Labels
 
 
@@ -240,7 +240,7 @@ def _ground_octaves(texture_sigma: float | None) -> tuple[tuple[float, float], .
     return tuple((wave, amplitude * texture_sigma / own) for wave, amplitude in FLOOR_OCTAVES)
 
 
-def _shaded(scene: World, points: Array) -> NDArray[np.bool_]:
+def _shaded(scene: World, points: Array) -> Mask:
     """Ground points from which a box hides the light: a step toward the light from them meets the box."""
     bearing, slope = scene.floor.light or (0.0, 1.0)
     shaded = np.zeros(len(points), dtype=np.bool_)
@@ -253,16 +253,14 @@ def _shaded(scene: World, points: Array) -> NDArray[np.bool_]:
     return shaded
 
 
-def _shining(streak: tuple[float, float, float, float, float], away: Array) -> NDArray[np.bool_]:
+def _shining(streak: tuple[float, float, float, float, float], away: Array) -> Mask:
     """Ground points, relative to the camera, that lie in the strip."""
     along = _turned(away, streak[0])
-    shining: NDArray[np.bool_] = (
-        (along[:, 0] > streak[1]) & (along[:, 0] < streak[2]) & (np.abs(along[:, 1]) < streak[3])
-    )
+    shining: Mask = (along[:, 0] > streak[1]) & (along[:, 0] < streak[2]) & (np.abs(along[:, 1]) < streak[3])
     return shining
 
 
-def _wall_pattern(surface: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _wall_pattern(surface: Array) -> tuple[Mask, Mask]:
     """Where a wall has its dark skirting and its posters; surface (along, height), metres."""
     skirting = surface[:, 1] < 0.12
     poster = (np.abs(np.mod(surface[:, 0], 1.3) - 0.6) < 0.35) & (np.abs(surface[:, 1] - 0.75) < 0.3)
@@ -275,7 +273,7 @@ def _turned(points: Array, angle: float) -> Array:
     return np.stack([c * x + s * y, c * y - s * x], axis=-1)
 
 
-def _inside(mark: Mark, points: Array) -> NDArray[np.bool_]:
+def _inside(mark: Mark, points: Array) -> Mask:
     """Points inside a convex outline of either orientation."""
     inside = np.ones(len(points), dtype=np.bool_)
     edges = np.roll(mark.outline, -1, axis=0) - mark.outline
@@ -286,7 +284,7 @@ def _inside(mark: Mark, points: Array) -> NDArray[np.bool_]:
     return inside
 
 
-def _truth(labels: Labels, camera: Camera) -> NDArray[np.bool_]:
+def _truth(labels: Labels, camera: Camera) -> Mask:
     """Ground and marks connected with the robot by pixel sides, found row by row from the robot's disc."""
     x = np.arange(camera.width) - camera.center[0]
     y = np.arange(camera.height) - camera.center[1]
@@ -300,11 +298,11 @@ def _truth(labels: Labels, camera: Camera) -> NDArray[np.bool_]:
         reached = grown
 
 
-def _sweep(reached: NDArray[np.bool_], free: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _sweep(reached: Mask, free: Mask) -> Mask:
     """Grow along every row through free pixels: a run of free pixels is reached whole when one of it is."""
     run = np.cumsum(np.diff(free, axis=1, prepend=False), axis=1)
     index = run + (run.max() + 1) * np.arange(free.shape[0])[:, None]
     hit = np.zeros(int(index.max()) + 1, dtype=np.bool_)
     hit[index[reached]] = True
-    grown: NDArray[np.bool_] = hit[index] & free
+    grown: Mask = hit[index] & free
     return grown

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ffseg.arrays import Array, Plane
 
 LATTICE = 256
 """Nodes per side of the periodic lattice: at the finest octave (2 cm) it repeats after 5 m."""
@@ -34,7 +33,7 @@ class Noise:
         return total
 
 
-def _value(nodes: NDArray[np.float32], at: Array) -> Array:
+def _value(nodes: Plane, at: Array) -> Array:
     """Value noise: smoothstep between the four lattice nodes; `at` has shape (2, n)."""
     low = np.floor(at)
     part = at - low

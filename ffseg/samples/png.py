@@ -14,6 +14,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.arrays import Image
+
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 END_OF_BLOCK = 256
 LONGEST_CODE = 15
@@ -23,7 +25,7 @@ CHUNK = 1 << 16
 """Symbols coded at a time, which bounds the memory of the bit expansion."""
 
 
-def encode(image: NDArray[np.uint8]) -> bytes:
+def encode(image: Image) -> bytes:
     """Write an image as PNG.
 
     Parameters
@@ -49,7 +51,7 @@ def _chunk(kind: bytes, data: bytes) -> bytes:
     return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
 
-def _deflate(data: NDArray[np.uint8]) -> bytes:
+def _deflate(data: Image) -> bytes:
     """Code `data` as one final block with its own Huffman table."""
     symbols = np.append(data.astype(np.int64), END_OF_BLOCK)
     lengths = _code_lengths(np.bincount(symbols, minlength=END_OF_BLOCK + 1))
@@ -59,7 +61,7 @@ def _deflate(data: NDArray[np.uint8]) -> bytes:
     return np.packbits(np.concatenate(bits), bitorder="little").tobytes()
 
 
-def _table_bits(lengths: NDArray[np.int64]) -> NDArray[np.uint8]:
+def _table_bits(lengths: NDArray[np.int64]) -> Image:
     """Block header: final block, dynamic table, the lengths of all codes written out in four bits each."""
     plain = np.zeros(19, np.int64)
     plain[:16] = 4  # sixteen code lengths 0..15, each with a code of four bits; no run lengths
@@ -114,9 +116,9 @@ def _reversed_codes(lengths: NDArray[np.int64]) -> NDArray[np.int64]:
     return codes
 
 
-def _spread(values: NDArray[np.int64], widths: NDArray[np.int64]) -> NDArray[np.uint8]:
+def _spread(values: NDArray[np.int64], widths: NDArray[np.int64]) -> Image:
     """Write each value as `width` bits, the lowest first."""
     ends = np.cumsum(widths)
     position = np.arange(ends[-1]) - np.repeat(ends - widths, widths)
-    bits: NDArray[np.uint8] = ((np.repeat(values, widths) >> position) & 1).astype(np.uint8)
+    bits: Image = ((np.repeat(values, widths) >> position) & 1).astype(np.uint8)
     return bits

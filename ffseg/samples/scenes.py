@@ -9,10 +9,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Array, Image, Mask
 from ffseg.samples import texture
-from ffseg.samples.paint import SampleGrid, Stencil, centers, coverage
+from ffseg.samples.paint import SampleGrid, centers, coverage
 
 WIDTH, HEIGHT = 800, 600
 SHAPE = (HEIGHT, WIDTH)
@@ -32,8 +32,8 @@ class SampleImage:
         255 where the pixel centre is free.
     """
 
-    image: NDArray[np.uint8]
-    truth: NDArray[np.uint8]
+    image: Image
+    truth: Image
 
 
 def toy() -> SampleImage:
@@ -88,7 +88,7 @@ def complex_scene() -> SampleImage:
     ring, inside_ring = paper.ring((390, 450), 26, 6), paper.disc((390, 450), 26)
     mottled = texture.mottling(SHAPE, 48, 5, 11) + texture.shading(SHAPE, -16, 10)
     lawn = texture.mottling(SHAPE, 9, 14, 12) + texture.mottling(SHAPE, 50, 10, 13)
-    layers: list[tuple[Stencil, NDArray[np.float64]]] = [
+    layers: list[tuple[Mask, Array]] = [
         (wall, _tinted((92, 84, 82), texture.mottling(SHAPE, 30, 8, 14))),
         (yard, _tinted((186, 174, 156), mottled)),
         (kerb, _tinted((236, 234, 228), mottled / 2)),
@@ -107,7 +107,7 @@ def complex_scene() -> SampleImage:
 SCENES: dict[str, Callable[[], SampleImage]] = {"toy": toy, "simple": simple, "complex": complex_scene}
 
 
-def _yard(paper: SampleGrid) -> tuple[Stencil, Stencil, Stencil]:
+def _yard(paper: SampleGrid) -> tuple[Mask, Mask, Mask]:
     """The paved yard with its bays, the walls behind it, and the kerb drawn along part of its edge."""
     yard = paper.blob(
         [(110, 150), (210, 60), (360, 90), (470, 30), (640, 70), (700, 180), (760, 250), (680, 360), (720, 500)]
@@ -121,7 +121,7 @@ def _yard(paper: SampleGrid) -> tuple[Stencil, Stencil, Stencil]:
     return yard | alley, wall, spurs
 
 
-def _things(paper: SampleGrid) -> tuple[Stencil, Stencil, Stencil, Stencil]:
+def _things(paper: SampleGrid) -> tuple[Mask, Mask, Mask, Mask]:
     """Beds, stones, posts and a hose: islands, some of them thin."""
     beds = paper.ellipse((240, 190), (52, 30)) | paper.polygon([(520, 420), (560, 370), (600, 400), (560, 450)])
     stones = paper.blob([(590, 170), (640, 160), (665, 200), (640, 240), (600, 230), (575, 200)])
@@ -131,7 +131,7 @@ def _things(paper: SampleGrid) -> tuple[Stencil, Stencil, Stencil, Stencil]:
     return beds, stones, posts, hose
 
 
-def _laid(base: NDArray[np.float64], layers: list[tuple[Stencil, NDArray[np.float64]]]) -> NDArray[np.float64]:
+def _laid(base: Array, layers: list[tuple[Mask, Array]]) -> Array:
     """Lay surfaces over one another, each where its stencil covers the pixel."""
     for stencil, surface in layers:
         share = coverage(stencil)
@@ -140,6 +140,6 @@ def _laid(base: NDArray[np.float64], layers: list[tuple[Stencil, NDArray[np.floa
     return base
 
 
-def _tinted(color: tuple[int, int, int], variation: NDArray[np.float64]) -> NDArray[np.float64]:
+def _tinted(color: tuple[int, int, int], variation: Array) -> Array:
     """Lay a brightness variation over a colour, shape (H, W, 3)."""
     return np.asarray(np.array(color, dtype=np.float64) + variation[:, :, None])

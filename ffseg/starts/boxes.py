@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Plane
 from ffseg.image.parts import connected_parts
 from ffseg.image.raster import window_of
 from ffseg.scene import Scene
@@ -17,7 +17,7 @@ LEAST_PART = 0.1
 """Smaller parts of what evidence tells in a box, measured in its largest, are not worth a start."""
 
 
-def in_boxes(scene: Scene, odds: NDArray[np.float32] | None) -> Scene:
+def in_boxes(scene: Scene, odds: Plane | None) -> Scene:
     """The scene with starts in the depth of what evidence tells in its boxes, beside circles that are given.
 
     Parameters

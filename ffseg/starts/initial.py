@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Array, Image
 from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.checked import require_size
@@ -21,9 +21,9 @@ MIDDLE_SHARE = 0.25
 def start_contours(
     shape: tuple[int, int],
     params: Parameters,
-    start_mask: NDArray[np.uint8] | None = None,
+    start_mask: Image | None = None,
     center: tuple[float, float] | None = None,
-    domain: NDArray[np.uint8] | None = None,
+    domain: Image | None = None,
 ) -> tuple[FreeForm, ...]:
     """Start contours of a segmentation, outer ones with positive area.
 
@@ -67,7 +67,7 @@ def start_contours(
     return tuple(circle_start(circle, params) for circle in circles) or middles(params, shape)
 
 
-def box_domain(boxes: tuple[Box, ...], shape: tuple[int, int]) -> NDArray[np.uint8]:
+def box_domain(boxes: tuple[Box, ...], shape: tuple[int, int]) -> Image:
     """255 where a pixel's centre lies in a box, 0 elsewhere; shape (H, W)."""
     found = np.zeros(shape, np.uint8)
     for box in boxes:
@@ -123,7 +123,7 @@ def _check_inside(point: tuple[float, float], shape: tuple[int, int], what: str)
         raise SegmentationError(f"{what} has its centre outside the image of {width} x {height} pixels; move it inside")
 
 
-def check_background(shape: tuple[int, int], params: Parameters, background: NDArray[np.uint8] | None) -> None:
+def check_background(shape: tuple[int, int], params: Parameters, background: Image | None) -> None:
     """Refuse points outside the region that lie outside the image, and a mask of them of another size.
 
     Raises
@@ -141,9 +141,7 @@ def _box(box: Box, params: Parameters) -> FreeForm:
     return _along(np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]]), params)
 
 
-def _from_mask(
-    mask: NDArray[np.uint8], shape: tuple[int, int], params: Parameters, domain: NDArray[np.uint8] | None
-) -> tuple[FreeForm, ...]:
+def _from_mask(mask: Image, shape: tuple[int, int], params: Parameters, domain: Image | None) -> tuple[FreeForm, ...]:
     require_size("the start mask", mask, shape, "init.mask must have the image's size")
     inside = mask if domain is None else np.where(domain > 0, mask, np.uint8(0))
     contours = tuple(_along(polygon, params) for polygon in outlines(inside if inside.any() else mask))
@@ -152,7 +150,7 @@ def _from_mask(
     return contours
 
 
-def _along(polygon: NDArray[np.float64], params: Parameters) -> FreeForm:
+def _along(polygon: Array, params: Parameters) -> FreeForm:
     """A polygon as patches with corners kept: straight patches no longer than half the split threshold."""
     degree, longest = params.contour.degree, params.contour.split_threshold / 2
     points = []

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Mask, Plane
 from ffseg.image.parts import connected_parts
 from ffseg.starts.pockets import Circle, depths, discs
 
@@ -21,7 +21,7 @@ STRIDE = 2
 """Every second pixel each way is looked at."""
 
 
-def islands(odds: NDArray[np.float32], starts: NDArray[np.bool_], most: float) -> tuple[Circle, ...]:
+def islands(odds: Plane, starts: Mask, most: float) -> tuple[Circle, ...]:
     """Discs in the parts that are about as sure as the one round the starts, but do not hang together with it.
 
     Parameters

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from math import pi, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Mask, Plane
 from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.free import free_part_under, free_pixels, room_round
@@ -23,8 +23,6 @@ OUTSIDE = "outside the domain"
 
 SIZE_WEIGHT = 1.05
 """Pixels a start moves to keep a pixel of its radius: a little over one, so that it leaves a straight edge whole."""
-
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +86,7 @@ def moved_starts(scene: Scene, remedy: str) -> tuple[Scene, str]:
     return replace(scene, starts=starts), message
 
 
-def nearest_free_circle(start: FreeForm, room: NDArray[np.float32], own: Mask | None) -> tuple[Circle, Circle]:
+def nearest_free_circle(start: FreeForm, room: Plane, own: Mask | None) -> tuple[Circle, Circle]:
     """A start as a circle of its area, and the free one nearest to it.
 
     Parameters

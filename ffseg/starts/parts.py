@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Mask
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.raster import rasterize
 from ffseg.scene import Scene
@@ -29,7 +29,7 @@ def starts_in_parts(scene: Scene) -> Scene:
     return replace(scene, starts=(*scene.starts, *(circle_start(circle, params) for circle in found)))
 
 
-def start_core(scene: Scene) -> NDArray[np.bool_]:
+def start_core(scene: Scene) -> Mask:
     """Pixels that show what is inside: the start region; of what closes in, which holds more than the object, its depth.
 
     As far as the object fills that: three fifths of the way to the start's limit.

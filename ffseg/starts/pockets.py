@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.arrays import Image, Mask, Plane
 from ffseg.image.parts import Parts, connected_parts, parts_holding
 
 NARROW = 4.0
@@ -20,7 +21,7 @@ START_SHARE = 0.6
 Circle = tuple[float, float, float]
 
 
-def starts_beyond(free: NDArray[np.bool_], starts: NDArray[np.bool_], most: float) -> tuple[Circle, ...]:
+def starts_beyond(free: Mask, starts: Mask, most: float) -> tuple[Circle, ...]:
     """Discs in the parts that hang together with the starts, but only through narrow places.
 
     Parameters
@@ -51,16 +52,14 @@ def starts_beyond(free: NDArray[np.bool_], starts: NDArray[np.bool_], most: floa
     return tuple((left + x, top + y, radius) for x, y, radius in found)
 
 
-def depths(region: NDArray[np.uint8]) -> NDArray[np.float32]:
+def depths(region: Image) -> Plane:
     """Distance of each pixel to what lies outside the region, the border of the image included."""
     padded = cv2.copyMakeBorder(region, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
-    depth: NDArray[np.float32] = cv2.distanceTransform(padded, cv2.DIST_L2, 3)[1:-1, 1:-1]  # type: ignore[assignment]
+    depth: Plane = cv2.distanceTransform(padded, cv2.DIST_L2, 3)[1:-1, 1:-1]  # type: ignore[assignment]
     return depth
 
 
-def discs(
-    depth: NDArray[np.float32], components: Parts, chosen: NDArray[np.integer], most: float
-) -> tuple[Circle, ...]:
+def discs(depth: Plane, components: Parts, chosen: NDArray[np.integer], most: float) -> tuple[Circle, ...]:
     """A disc round the deepest pixel of each part chosen, the largest first.
 
     Parameters

@@ -6,15 +6,12 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Array, Image, Mask
 from ffseg.errors import SegmentationError
 from ffseg.image.edges import EdgeMap
 from ffseg.native import _core
 from ffseg.parameters import Parameters, Seed
-
-Plane = NDArray[np.uint8]
-Mask = NDArray[np.bool_]
 
 IN_START = "a background seed lies in the start region; move init.background or the start"
 
@@ -25,7 +22,7 @@ SLOPE = 4.0
 """Grey levels per pixel that halve a front's speed. On photographs of things 3 to 12 do alike, thresholds from noise worse."""
 
 
-def within_rivals(edges: EdgeMap, start: Mask, params: Parameters, background: Plane | None = None) -> EdgeMap:
+def within_rivals(edges: EdgeMap, start: Mask, params: Parameters, background: Image | None = None) -> EdgeMap:
     """The edge map with its domain cut down to what the start reaches before its rivals do.
 
     Parameters
@@ -59,7 +56,7 @@ def within_rivals(edges: EdgeMap, start: Mask, params: Parameters, background: P
     return replace(edges, domain=np.where(np.isfinite(ours) & (ours <= theirs), np.uint8(255), np.uint8(0)))
 
 
-def seeds(points: Iterable[Seed], start: Mask, background: Plane | None = None) -> Mask:
+def seeds(points: Iterable[Seed], start: Mask, background: Image | None = None) -> Mask:
     """Pixels known to lie outside: discs and points, and a mask; what a disc shares with the start is the start's.
 
     Raises
@@ -89,6 +86,6 @@ def add_disc(mask: Mask, x: float, y: float, radius: float) -> None:
     window |= np.hypot(columns - x, rows - y) <= radius
 
 
-def _arrivals(speed: NDArray[np.float64], seed: Mask, domain: Plane | None) -> NDArray[np.float64]:
-    times: NDArray[np.float64] = _core.fast_march(speed, 0.0, seed.view(np.uint8), domain)[0]
+def _arrivals(speed: Array, seed: Mask, domain: Image | None) -> Array:
+    times: Array = _core.fast_march(speed, 0.0, seed.view(np.uint8), domain)[0]
     return np.where(np.isnan(times), np.inf, times).reshape(speed.shape)

@@ -8,6 +8,7 @@ from math import ceil, hypot
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.arrays import Image, Mask
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.components import filled
 from ffseg.image.free import free_pixels, open_sides, room_round
@@ -82,9 +83,7 @@ def _window(start: Circle, reach: float) -> tuple[tuple[slice, slice], tuple[int
     return np.s_[top : int(start.y + reach) + 1, left : int(start.x + reach) + 1], (left, top)
 
 
-def _moved(
-    start: FreeForm, free: NDArray[np.bool_], sides: NDArray[np.int32], *, widest: bool = False
-) -> tuple[Circle, Circle]:
+def _moved(start: FreeForm, free: Mask, sides: NDArray[np.int32], *, widest: bool = False) -> tuple[Circle, Circle]:
     """A start as a circle, and the cheapest free one on the side that holds most of it, or of all its sides the widest.
 
     In a mirror the widest is meant: a start round the middle shows the robot's own disc for the most part.
@@ -113,7 +112,7 @@ def _holds_edge(start: FreeForm, scene: Scene) -> bool:
     return bool(scene.edges.edges[rows, columns].any())
 
 
-def _within(start: FreeForm, domain: NDArray[np.uint8]) -> NDArray[np.bool_]:
+def _within(start: FreeForm, domain: Image) -> Mask:
     """Of each pixel of a start whether it lies in the domain."""
     own = filled(start, domain.shape)
     return domain[own.window()][own.mask] > 0

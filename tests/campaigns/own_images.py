@@ -13,6 +13,7 @@ from statistics import mean
 
 import numpy as np
 
+from ffseg.arrays import Array
 from ffseg.errors import SegmentationError
 from ffseg.image.own import own_image
 from ffseg.io.images import single_thread
@@ -20,7 +21,6 @@ from ffseg.learning.drawn.cameras import Viewpoint, bonnet, developed, housing, 
 from ffseg.learning.drawn.rays import World, shaded
 from ffseg.learning.drawn.rooms import room
 from ffseg.learning.drawn.sights import clear_of, seen_from_the_middle
-from ffseg.learning.drawn.skins import Array
 from ffseg.learning.drawn.streets import street
 from tests.campaigns import harness
 

@@ -8,9 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ffseg.arrays import Image
 from ffseg.batch.outputs.table import Output
 from ffseg.errors import SegmentationError
 from ffseg.io.files import printable
@@ -71,7 +69,7 @@ class Context:
         Class of every region.
     """
 
-    image: NDArray[np.uint8]
+    image: Image
     name: str
     path: str
     target: str = ""
@@ -122,7 +120,7 @@ def labelme(result: Segmentation, context: Context) -> bytes:
     return saved(result, "labelme", as_labelme(context.target, context.path, context.image, context.label))
 
 
-def as_labelme(document: str, path: str, image: NDArray[np.uint8], label: str) -> ImageInfo:
+def as_labelme(document: str, path: str, image: Image, label: str) -> ImageInfo:
     """An image as LabelMe opens it: by the path from where the document is stored, or held by it without a file of its own."""
     behind = "" if os.path.isfile(path) else jpeg_address(image, _QUALITY)
     return ImageInfo(path_from(document, path), behind=behind, label=label)

@@ -8,8 +8,8 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Image
 from ffseg.batch.outputs.table import FILM_KINDS
 from ffseg.batch.plan.reading import read_input, split_member_path
 from ffseg.batch.plan.sources import film_of, film_stems
@@ -34,7 +34,7 @@ _RATE = 25
 """Frames a second where they have no times, as in a folder."""
 _CLOCK = 90_000
 _MOST_BYTES = 1 << 30
-Timed = tuple[float, NDArray[np.uint8]]
+Timed = tuple[float, Image]
 
 
 def read_film_kinds(text: str) -> tuple[str, ...]:
@@ -87,7 +87,7 @@ def _timed(out: str, kind: str, records: Iterable[Record]) -> Iterator[Timed]:
         yield number / _RATE if time is None else float(time), _picture(out, kind, record)
 
 
-def _picture(out: str, kind: str, record: Record) -> NDArray[np.uint8]:
+def _picture(out: str, kind: str, record: Record) -> Image:
     """Pixels of a frame, shape (H, W) of a mask, (H, W, 3) in BGR order, or (H, W, 4) with alpha."""
     folder = "overlays/" if kind == "overlay" else "masks/"
     path = next(path for path in record.outputs if path.startswith(folder))
@@ -99,7 +99,7 @@ def _picture(out: str, kind: str, record: Record) -> NDArray[np.uint8]:
     return np.pad(made, [*more, *([(0, 0)] if made.ndim > 2 else [])], mode="edge")
 
 
-def _frame(pixels: NDArray[np.uint8]) -> Any:  # noqa: ANN401 - of PyAV
+def _frame(pixels: Image) -> Any:  # noqa: ANN401 - of PyAV
     import av
 
     if pixels.ndim > 2:
@@ -108,9 +108,9 @@ def _frame(pixels: NDArray[np.uint8]) -> Any:  # noqa: ANN401 - of PyAV
     return av.VideoFrame.from_ndarray(np.vstack([pixels, colourless]), format="yuv420p")  # 0 and 255 in either range
 
 
-def _lasting(frames: Iterable[Timed]) -> Iterator[tuple[int, int, NDArray[np.uint8]]]:
+def _lasting(frames: Iterable[Timed]) -> Iterator[tuple[int, int, Image]]:
     """When each frame begins and how long it lasts, in ticks; the last one as long as the one before it."""
-    before: tuple[int, NDArray[np.uint8]] | None = None
+    before: tuple[int, Image] | None = None
     lasts = _CLOCK // _RATE
     for time, pixels in frames:
         begin = round(time * _CLOCK)

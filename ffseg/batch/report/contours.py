@@ -10,8 +10,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import islice
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Array
 from ffseg.geometry import bezier
 from ffseg.geometry.freeform import FreeForm
 
@@ -161,6 +161,6 @@ def _area(part: Mapping[str, object]) -> float:
     return area if isinstance(area, float) else 0.0
 
 
-def _numbers(row: Mapping[str, object], *names: str) -> NDArray[np.float64]:
+def _numbers(row: Mapping[str, object], *names: str) -> Array:
     values = [row.get(name) for name in names]
     return np.array([value if isinstance(value, (int, float)) else 0.0 for value in values], dtype=np.float64)

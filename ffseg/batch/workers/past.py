@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Image, Mask
 from ffseg.batch.tar.members import digest
 from ffseg.batch.workers.freshness import JobFiles
 from ffseg.batch.workers.messages import Done, Failed, Reply, Task
@@ -28,7 +28,7 @@ class PastFrame:
     """Whether the past changes what is found, or only the flicker is measured."""
     limits: Limits
     _last: tuple[str, bytes | None] = ("", None)
-    _region: NDArray[np.bool_] | None = None
+    _region: Mask | None = None
 
     def known(self, task: Task, read: JobFiles) -> JobFiles:
         """What went into a frame, with the frame before and its mask."""
@@ -36,13 +36,13 @@ class PastFrame:
         content = f"{read.digests.content} past {digest(seen.encode('ascii'))}"
         return replace(read, digests=replace(read.digests, content=content))
 
-    def look(self, image: NDArray[np.uint8], task: Task, read: JobFiles) -> None:
+    def look(self, image: Image, task: Task, read: JobFiles) -> None:
         """Carry the region of the frame before to this one; there is none where one of them could not be read."""
         mask, before = self._mask(task), next(iter(read.before), b"")
         last = (decode_image(before, self.limits), decode_mask(mask, self.limits)) if mask and before else None
         self.carry(last, image)
 
-    def carry(self, last: tuple[NDArray[np.uint8], NDArray[np.bool_]] | None, image: NDArray[np.uint8]) -> None:
+    def carry(self, last: tuple[Image, Mask] | None, image: Image) -> None:
         """Carry the region of the frame before, given with its image, to this one."""
         fits = last is not None and last[0].shape == image.shape
         self._region = warped_region(last[0], image, last[1]) if last is not None and fits else None

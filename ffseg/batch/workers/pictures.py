@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.arrays import Image, Plane
 from ffseg.batch.plan.beside import ARRAY_SUFFIX
 from ffseg.batch.plan.reading import display_path, read_input
 from ffseg.batch.plan.sources import InputImage
@@ -29,7 +30,7 @@ _WHITE = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65535.0}
 """What stands for one in whole numbers."""
 
 
-def read_source(source: InputImage, levels: Levels = "auto") -> NDArray[np.uint8]:
+def read_source(source: InputImage, levels: Levels = "auto") -> Image:
     """Image of a source, shape (H, W) for grey or (H, W, 3) in BGR order.
 
     Raises
@@ -43,7 +44,7 @@ def read_source(source: InputImage, levels: Levels = "auto") -> NDArray[np.uint8
         raise ImageReadError(error.reason, f"{printable(display_path(source.content))}: {error}") from None
 
 
-def read_evidence(path: str, limits: Limits | None = None) -> NDArray[np.float32]:
+def read_evidence(path: str, limits: Limits | None = None) -> Plane:
     """Map of an image.
 
     Parameters
@@ -74,7 +75,7 @@ def read_evidence(path: str, limits: Limits | None = None) -> NDArray[np.float32
         raise ImageReadError("evidence", f"the map {printable(name)} cannot be used: {error}") from error
 
 
-def _parts(levels: NDArray[Any]) -> NDArray[np.float32]:
+def _parts(levels: NDArray[Any]) -> Plane:
     """Whole numbers as parts of the largest of their kind."""
     white = _WHITE[levels.dtype]
     if levels.max(initial=0) == 1:
@@ -82,7 +83,7 @@ def _parts(levels: NDArray[Any]) -> NDArray[np.float32]:
     return (levels / np.float32(white)).astype(np.float32)
 
 
-def _array(data: bytes) -> NDArray[np.float32]:
+def _array(data: bytes) -> Plane:
     try:
         values = np.lib.format.read_array(io.BytesIO(data), allow_pickle=False)
     except Exception as error:  # the header is Python text, whose parser raises many kinds
@@ -98,9 +99,7 @@ def _array(data: bytes) -> NDArray[np.float32]:
     return np.ascontiguousarray(values, np.float32)
 
 
-def read_truth(
-    path: str, shape: tuple[int, int], label: int | None = None, limits: Limits | None = None
-) -> NDArray[np.uint8]:
+def read_truth(path: str, shape: tuple[int, int], label: int | None = None, limits: Limits | None = None) -> Image:
     """True mask of an image.
 
     Parameters
@@ -147,7 +146,7 @@ def read_truth(
     return levels
 
 
-def _levels(labels: Labels, *, lossy: bool) -> NDArray[np.uint8]:
+def _levels(labels: Labels, *, lossy: bool) -> Image:
     """Levels of a truth that must say by itself what is inside."""
     if labels.ndim > 2:  # a picture of a mask: what counts is whether a pixel has any colour
         strongest = labels.max(axis=2)
@@ -173,7 +172,7 @@ def _levels(labels: Labels, *, lossy: bool) -> NDArray[np.uint8]:
     )
 
 
-def _chosen(labels: Labels, label: int) -> NDArray[np.uint8]:
+def _chosen(labels: Labels, label: int) -> Image:
     """Levels of a truth of which one number is inside."""
     if labels.ndim > 2:
         raise ValueError("is in colour; class numbers need a grey image")

@@ -10,9 +10,9 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ffseg import __version__
+from ffseg.arrays import Image, Mask
 from ffseg.batch.outputs.encoding import Context, SnapshotRecorder, encoded_output
 from ffseg.batch.outputs.table import Output
 from ffseg.batch.tar.members import digest, output_bytes
@@ -119,7 +119,7 @@ class Workbench:
             row["iou"], problem = self._iou(decode_mask(data, self._limits), task.job, read)
         return Done(task.job.index, row, read.digests, (), kept, problem=problem, unchanged=True)
 
-    def _found(self, image: NDArray[np.uint8], before: list[bytes], job: Job, params: Parameters) -> _JobResult:
+    def _found(self, image: Image, before: list[bytes], job: Job, params: Parameters) -> _JobResult:
         products, views, source = self._setup.products, self._setup.views, job.source
         film = SnapshotRecorder() if products.animation else None
         scene = Scene(image, params, callback=film, **self._masks.within(job.domain, self._limits).bounds)
@@ -159,7 +159,7 @@ class Workbench:
         params = self._setup.params if job.start is None else job.start.placed(self._setup.params, shape)
         return params if self._past is None else self._past.start(params, shape)
 
-    def _iou(self, mask: NDArray[np.bool_], job: Job, read: JobFiles) -> tuple[float | None, str]:
+    def _iou(self, mask: Mask, job: Job, read: JobFiles) -> tuple[float | None, str]:
         """Overlap with the true mask, if there is one, and what is wrong with it."""
         if not job.truth or read.truth_problem:
             return None, read.truth_problem
@@ -200,7 +200,7 @@ def _start_cells(params: Parameters, job: Job) -> dict[str, Any]:
 _COUNTS = ("initial_points", "final_points", "patches", "iterations", "splits", "flips")
 
 
-def _row(image: NDArray[np.uint8], result: Segmentation, method: str) -> dict[str, Any]:
+def _row(image: Image, result: Segmentation, method: str) -> dict[str, Any]:
     stats, (regions, holes) = result.stats, count_regions(result.mask)
     return {
         "width": image.shape[1],

@@ -16,9 +16,7 @@ from ffseg.cli.options import overrides
 from ffseg.errors import ImageReadError, OutputError, SegmentationError, UsageError
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from ffseg.arrays import Image, Mask
     from ffseg.batch.workers.past import PastFrame
     from ffseg.geometry.freeform import FreeForm
     from ffseg.io.starts import Start
@@ -122,9 +120,9 @@ class _Film:
     starts: Mapping[int, Start]
     past: PastFrame | None = None
     number: int = 0
-    last: tuple[NDArray[np.uint8], NDArray[np.bool_]] | None = None
+    last: tuple[Image, Mask] | None = None
 
-    def found(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.bool_], tuple[FreeForm, ...], str]:
+    def found(self, image: Image) -> tuple[Mask, tuple[FreeForm, ...], str]:
         """Region and contours of the next frame, and why it could not be segmented: then its region is empty."""
         import numpy as np
 
@@ -145,9 +143,7 @@ class _Film:
         return result.mask, result.contours, ""
 
 
-def _picture(
-    image: NDArray[np.uint8], inside: NDArray[np.bool_], contours: tuple[FreeForm, ...], kind: str
-) -> NDArray[np.uint8]:
+def _picture(image: Image, inside: Mask, contours: tuple[FreeForm, ...], kind: str) -> Image:
     import numpy as np
 
     from ffseg.io.overlays import as_colour, draw_overlay, polylines

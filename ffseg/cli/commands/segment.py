@@ -17,9 +17,7 @@ from ffseg.errors import FfsegError, ImageReadError, OutputError, UsageError, is
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from ffseg.arrays import Image, Plane
     from ffseg.parameters import Levels
 
 PIPE = "-"
@@ -100,7 +98,7 @@ def segment(  # noqa: PLR0913 - the options of the command
         console.message(f"ffseg: {repr(result).strip('<>').partition(': ')[2]}")
 
 
-def _evidence(path: Path | None) -> NDArray[np.float32] | None:
+def _evidence(path: Path | None) -> Plane | None:
     if path is None:
         return None
     from ffseg.batch.workers.pictures import read_evidence
@@ -108,7 +106,7 @@ def _evidence(path: Path | None) -> NDArray[np.float32] | None:
     return read_evidence(os.fspath(path))
 
 
-def _domain(image: str, folder: str | None) -> NDArray[np.uint8] | None:
+def _domain(image: str, folder: str | None) -> Image | None:
     """The image's own domain in a folder of such masks, as `run` finds it."""
     if folder is None:
         return None
@@ -161,7 +159,7 @@ def _same(path: str, image: str) -> bool:
         return False
 
 
-def _read(image: str, levels: Levels) -> tuple[NDArray[np.uint8], str]:
+def _read(image: str, levels: Levels) -> tuple[Image, str]:
     """Pixels of an image, and what there is to say of frames that were not read."""
     from glob import has_magic
 

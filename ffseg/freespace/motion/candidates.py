@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Array, Image, Indices, Mask
 from ffseg.camera.model import Camera
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.components import Component
 from ffseg.image.interest import NO_POINTS, InterestPoints, harris_points, outline_points, strongest
-from ffseg.image.keypoints import Array, Grey, Mask
 
 GRID_STEP = 28
 """Pixels between points of the free space: some 130 of them in an 800x600 image."""
@@ -59,7 +58,7 @@ class GroundCandidates:
     """
 
     pixels: Array
-    owner: NDArray[np.intp]
+    owner: Indices
     corners: InterestPoints = NO_POINTS
 
     @property
@@ -69,7 +68,7 @@ class GroundCandidates:
         return points
 
 
-def ground_candidates(camera: Camera, grey: Grey, segmented: SegmentedImage) -> GroundCandidates:
+def ground_candidates(camera: Camera, grey: Image, segmented: SegmentedImage) -> GroundCandidates:
     """All points of an image that may show the ground.
 
     Notes

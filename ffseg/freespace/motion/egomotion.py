@@ -8,13 +8,14 @@ from functools import partial
 
 import numpy as np
 
+from ffseg.arrays import Array, Image
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion, Origin, Pose, relative_motion
 from ffseg.freespace.motion.candidates import GroundCandidates, SegmentedImage, ground_candidates
 from ffseg.freespace.motion.contradictions import likely_cause, unlikely_units
 from ffseg.freespace.motion.ground import GroundFit, fit_ground, prior_sigmas
 from ffseg.freespace.motion.tracking import Look
-from ffseg.image.keypoints import Array, Grey, plane_pixels
+from ffseg.image.keypoints import plane_pixels
 from ffseg.image.planes import CELL, search_ground_motions
 
 POSE_TRANSLATION_SIGMA, POSE_ROTATION_SIGMA = 0.02, np.deg2rad(0.5)
@@ -66,7 +67,7 @@ class PairMotion:
 
 def pair_motion(
     camera: Camera,
-    images: tuple[Grey, Grey],
+    images: tuple[Image, Image],
     poses: tuple[Pose, Pose] | None,
     segmented: SegmentedImage,
     epsilon: float,
@@ -128,7 +129,7 @@ def stated_motion(poses: tuple[Pose, Pose]) -> Motion:
 
 
 def _without(
-    camera: Camera, pair: tuple[Grey, Grey], candidates: GroundCandidates, segmented: SegmentedImage
+    camera: Camera, pair: tuple[Image, Image], candidates: GroundCandidates, segmented: SegmentedImage
 ) -> PairMotion:
     fit = _searched(camera, pair, candidates, segmented)
     if fit is None:
@@ -137,7 +138,7 @@ def _without(
 
 
 def _searched(
-    camera: Camera, pair: tuple[Grey, Grey], candidates: GroundCandidates, segmented: SegmentedImage
+    camera: Camera, pair: tuple[Image, Image], candidates: GroundCandidates, segmented: SegmentedImage
 ) -> GroundFit | None:
     """The motion that the ground shows without poses: the best of the starts of a search, if it is good."""
     best = None
@@ -152,7 +153,7 @@ def _searched(
 
 
 def _fits(
-    camera: Camera, prior: Motion, sigmas: Array, pair: tuple[Grey, Grey], candidates: GroundCandidates,
+    camera: Camera, prior: Motion, sigmas: Array, pair: tuple[Image, Image], candidates: GroundCandidates,
     ways: tuple[tuple[Look, ...], ...],
 ) -> Iterator[GroundFit]:  # fmt: skip
     """Fits round a prior, until one is good."""
@@ -170,7 +171,7 @@ def _sure(fit: GroundFit) -> bool:
 
 def _with_poses(
     camera: Camera,
-    pair: tuple[Grey, Grey],
+    pair: tuple[Image, Image],
     poses: tuple[Pose, Pose],
     candidates: GroundCandidates,
     segmented: SegmentedImage,
@@ -201,7 +202,7 @@ def _with_poses(
 
 
 def _confirmed(
-    pair: tuple[Grey, Grey], candidates: GroundCandidates, motion: Motion, camera: Camera
+    pair: tuple[Image, Image], candidates: GroundCandidates, motion: Motion, camera: Camera
 ) -> tuple[GroundFit, float] | None:
     """What agrees with another reading of the poses, and by how many standard deviations the ground corrects it."""
     tried = _with_odometry(motion, "ground points")

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.arrays import Array, Image
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import PARAMETERS, Motion, Origin, perturbed, point_slopes, projection_slopes
 from ffseg.freespace.motion.candidates import FREE, GroundCandidates
 from ffseg.freespace.motion.tracking import Look, TrackedPoints, track_points
-from ffseg.image.keypoints import Array, Grey
 
 NOD, LEAN, LIFT = np.deg2rad(0.15), np.deg2rad(0.15), 0.002
 """Standard deviations of nod, lean (radians) and lift (metres): the plane as a strong prior."""
@@ -166,7 +166,7 @@ def fit_ground(
     camera: Camera,
     prior: Motion,
     sigmas: Array,
-    pair: tuple[Grey, Grey],
+    pair: tuple[Image, Image],
     candidates: GroundCandidates,
     looks: tuple[Look, ...],
 ) -> GroundFit | None:

@@ -6,21 +6,19 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Array, Image, Indices
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion
 from ffseg.freespace.motion.candidates import FREE, GroundCandidates
 from ffseg.image.keypoints import (
     Alignments,
-    Array,
     Candidates,
-    Grey,
     align_patches,
     limited_information,
     patch_scores,
     plane_candidates,
-)  # fmt: skip
+)
 from ffseg.image.planes import halved
 
 Look = Literal["far", "half", "full"]
@@ -66,12 +64,12 @@ class TrackedPoints:
     start: Array
     previous: Array
     information: Array
-    owner: NDArray[np.intp]
+    owner: Indices
     num_expected: int
 
 
 def track_points(
-    camera: Camera, motion: Motion, pair: tuple[Grey, Grey], candidates: GroundCandidates, look: Look
+    camera: Camera, motion: Motion, pair: tuple[Image, Image], candidates: GroundCandidates, look: Look
 ) -> TrackedPoints:
     """Place points from where the ground would put them.
 
@@ -120,7 +118,7 @@ def _symmetric(information: Array) -> tuple[Array, Array, Array]:
     return 0.5 * (a + d), 0.5 * (a - d), b
 
 
-def _halved(pair: tuple[Grey, Grey], points: Array, expected: Candidates, look: Look) -> tuple[Alignments, Array]:
+def _halved(pair: tuple[Image, Image], points: Array, expected: Candidates, look: Look) -> tuple[Alignments, Array]:
     """Placements at half the resolution, in pixels of the whole."""
     small = halved(pair[0]), halved(pair[1])
     start, sigma = Candidates(expected.pixels / 2.0, expected.warps), HALF_SIGMA
@@ -131,7 +129,7 @@ def _halved(pair: tuple[Grey, Grey], points: Array, expected: Candidates, look: 
     return Alignments(found.pixels * 2.0, found.score, found.information / 4.0, found.noise), information
 
 
-def _searched(small: tuple[Grey, Grey], points: Array, start: Candidates) -> Candidates:
+def _searched(small: tuple[Image, Image], points: Array, start: Candidates) -> Candidates:
     """The best place of each point within ``FAR_STEPS`` of where it is expected; NaN without one."""
     axis = np.arange(-FAR_STEPS, FAR_STEPS + 1.0)
     steps = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)

@@ -7,15 +7,15 @@ import struct
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Image
 from ffseg.io.validation.base import Header, damaged, truncated, unsupported
 
 _WITHIN = 6
 """Bytes of the broken row that must be zero: with fewer, a margin of two pixels looks the same."""
 
 
-def interrupted(rows: NDArray[np.uint8]) -> bool:
+def interrupted(rows: Image) -> bool:
     """Whether stored rows break off into zeros inside a row whose upper neighbour goes on: a copy that stopped.
 
     A black margin does not look like this: above its first pixel the image is black as well.

@@ -1,0 +1,20 @@
+"""Arrays by what they hold; the docstrings give their shapes."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Mask = NDArray[np.bool_]
+"""True inside."""
+
+Image = NDArray[np.uint8]
+"""Grey levels, BGR colours, or a mask of bytes."""
+
+Plane = NDArray[np.float32]
+"""One value for each pixel."""
+
+Array = NDArray[np.float64]
+
+Points = NDArray[np.float64]
+"""Coordinates, x and y along the last axis."""
+
+Indices = NDArray[np.intp]
