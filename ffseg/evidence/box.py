@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ffseg.arrays import Image, Plane
 from ffseg.errors import SegmentationError
 from ffseg.evidence.clicks import with_clicks
-from ffseg.evidence.features import BARRIER, PLAIN, STEP, Features, enlarged, features, way
+from ffseg.evidence.features import BARRIER, PLAIN, STEP, Features, enlarged, features, geodesic
 from ffseg.evidence.forest import shipped
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import blurred, odds_edges
@@ -217,7 +217,7 @@ def _from_core(seen: Features, core: Image, others_way: Plane, out: Plane) -> No
     write_strided(seen, ("slope@1.5", *COLOURS), planes)
     length, place = out[len(BARRIER)], len(BARRIER) + 1
     _core.evidence_barrier(planes[0], core, STEP, out[: len(BARRIER)])
-    way(planes[0], core, length)
+    geodesic(planes[0], core, length)
     out[place] = np.log((length + 1) / (others_way + 1))
     alike, other = np.empty((2, *core.shape), np.float32)
     _core.evidence_likelihood(planes[1:], core, alike)

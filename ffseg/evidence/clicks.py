@@ -27,7 +27,7 @@ from ffseg.evidence.prior import CERTAIN
 from ffseg.evidence.surroundings import STRIDE, strided
 from ffseg.image.edges import EdgeMap
 from ffseg.image.free import distances
-from ffseg.image.opencv_peers import grown
+from ffseg.image.opencv_peers import dilated_by_disc
 from ffseg.image.parts import parts_holding
 from ffseg.image.raster import rasterize
 from ffseg.scene import Scene
@@ -203,7 +203,7 @@ def with_clicks(scene: Scene, own: EdgeMap, base: Plane | None = None) -> EdgeMa
         )
         if state is not None:
             odds, kept = _at_full_size(clicked, state)
-            odds[grown(inside, HELD)] = CERTAIN
+            odds[dilated_by_disc(inside, HELD)] = CERTAIN
             odds[outside], odds[inside] = -CERTAIN, CERTAIN
     if odds is None:
         return own

@@ -145,7 +145,7 @@ def features(
         _core.evidence_barrier(found[f"slope@{scale:g}"], inside, STEP, planes[at : at + len(BARRIER)])
         at += len(BARRIER)
     if not plain:
-        way(found[f"slope@{WAY_SCALE:g}"], inside, found["way"])
+        geodesic(found[f"slope@{WAY_SCALE:g}"], inside, found["way"])
     _likeness(found)
     _place(found)
     if names == KNOWN:
@@ -153,8 +153,8 @@ def features(
     return found
 
 
-def way(slope: Plane, inside: Image, out: Plane) -> None:
-    """Write the length of the shortest way from the start over gradients."""
+def geodesic(slope: Plane, inside: Image, out: Plane) -> None:
+    """Write the geodesic distance from the start, over gradients."""
     _core.evidence_geodesic(slope, inside, WAY_STEP, LEAST_COST, out)
 
 

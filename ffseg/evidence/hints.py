@@ -17,11 +17,20 @@ import numpy as np
 
 from ffseg.arrays import Image, Mask, Plane
 from ffseg.evidence import prior
-from ffseg.evidence.features import BARRIER, Features, broadened, reduced_region, way
+from ffseg.evidence.features import BARRIER, Features, broadened, geodesic, reduced_region
 from ffseg.evidence.forest import shipped
 from ffseg.evidence.maps import blurred
 from ffseg.evidence.prior import CERTAIN, LEAST_START, SMOOTHING
-from ffseg.evidence.surroundings import STRIDE, barriers, colours_of, likelier, likeness, steepest, strided, voted
+from ffseg.evidence.surroundings import (
+    STRIDE,
+    barriers,
+    colours_of,
+    likelihood_ratio,
+    likeness,
+    steepest,
+    strided,
+    voted,
+)
 from ffseg.image.free import distances
 from ffseg.image.parts import Parts, scattered
 from ffseg.native import _core
@@ -174,7 +183,7 @@ def near_and_elsewhere(odds: Plane, view: HintView, click: Correction) -> tuple[
     near = blurred(voted(odds, view.seen), SMOOTHING / STRIDE)
     if not click.shows_both:
         return near, click.before
-    odds += np.float32(AGAIN) * likelier(colours_of(view.seen), voted(odds, view.seen) > 0)
+    odds += np.float32(AGAIN) * likelihood_ratio(colours_of(view.seen), voted(odds, view.seen) > 0)
     again = blurred(voted(odds, view.seen), SMOOTHING / STRIDE)
     return near, click.before + np.float32(SAY) * (again - click.before)
 
@@ -234,7 +243,7 @@ def _both_sides(
     guess = odds > 0
     if outside.any():
         barrier = barriers(slope, outside)
-        way(slope, outside, length)
+        geodesic(slope, outside, length)
         other, far = likeness(colours, outside), _distance(outside)
         guess &= own_way < length
     return [
@@ -245,7 +254,7 @@ def _both_sides(
         blurred(other, 1.0 / STRIDE),
         blurred(alike - other, 1.0 / STRIDE),
         blurred(alike - other, 3.0 / STRIDE),
-        blurred(likelier(colours, guess), 1.0 / STRIDE),
+        blurred(likelihood_ratio(colours, guess), 1.0 / STRIDE),
         near,
         far,
         np.log((near + NEAREST) / (far + NEAREST)),
@@ -260,7 +269,7 @@ def _last_click(
     disc = np.where(other > 0, np.uint8(0), broadened(click.disc.view(np.uint8), LEAST_START / STRIDE))
     disc = disc if disc.any() else click.disc.view(np.uint8)
     length = np.empty_like(slope)
-    way(slope, disc, length)
+    geodesic(slope, disc, length)
     return [
         click.before,
         1.0 if click.inside else -1.0,

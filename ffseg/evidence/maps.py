@@ -148,7 +148,7 @@ def blurred(plane: Plane, sigma: float) -> Plane:
     return out
 
 
-def widened(region: NDArray[Level], width: int) -> NDArray[Level]:
+def dilated(region: NDArray[Level], width: int) -> NDArray[Level]:
     """The largest value in the square of that odd width round each pixel."""
     found = region
     for axis in (0, 1):

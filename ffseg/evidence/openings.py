@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ffseg.arrays import Image, Plane
-from ffseg.evidence.maps import widened
+from ffseg.evidence.maps import dilated
 from ffseg.image.edges import edge_map
 from ffseg.native import _core
 from ffseg.parameters import Edges
@@ -40,9 +40,9 @@ def open_areas(image: Image, inside: Image, factor: int, out: Plane) -> None:
     walls = _reduced_any(edge_map(image, Edges()).edges, factor)
     planes = np.empty((5, *inside.shape), np.float32)
     for place, width in enumerate(PASSAGES):
-        shut = widened(walls, width)
+        shut = dilated(walls, width)
         _core.evidence_barrier(shut.astype(np.float32), inside, 1.0, planes)
-        reached = widened(((planes[0] == 0) & (shut == 0)).astype(np.uint8), width)
+        reached = dilated(((planes[0] == 0) & (shut == 0)).astype(np.uint8), width)
         out[place] = reached | (inside > 0)
         _core.evidence_blur(out[place], SMOOTHING, out[place + len(PASSAGES)])
 

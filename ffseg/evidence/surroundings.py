@@ -8,8 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.arrays import Image, Mask, Plane
-from ffseg.evidence.features import BARRIER, SCALES, STEP, WAY_SCALE, WAYS, Features, reduced_region, reduced_shape, way
-from ffseg.evidence.maps import blurred, widened
+from ffseg.evidence.features import (
+    BARRIER,
+    SCALES,
+    STEP,
+    WAY_SCALE,
+    WAYS,
+    Features,
+    geodesic,
+    reduced_region,
+    reduced_shape,
+)
+from ffseg.evidence.maps import blurred, dilated
 from ffseg.native import _core
 
 STRIDE = 2
@@ -97,7 +107,7 @@ def likeness(colours: Plane, region: Image) -> Plane:
     return ratio
 
 
-def likelier(colours: Plane, region: Mask) -> Plane:
+def likelihood_ratio(colours: Plane, region: Mask) -> Plane:
     """How much likelier each colour is in a region than in all else; nothing where there are not both."""
     if not region.any() or region.all():
         return np.zeros(region.shape, np.float32)
@@ -117,12 +127,12 @@ def _ways(slopes: dict[str, Plane], start: Image) -> list[Plane]:
     slope = slopes["1.5"]
     planes = [plane for scale in WAYS[1:] for plane in barriers(slopes[f"{scale:g}"], start)]
     length = np.empty_like(slope)
-    way(slope, start, length)
+    geodesic(slope, start, length)
     own, frame = planes[0], barriers(slope, _frame(slope.shape, 1))[:2]
     usual = np.log(np.median(frame[0][start > 0]) + 1)
     planes += [length, frame[1], np.log((own + 1) / (frame[0] + 1)), np.full_like(slope, usual)]
     for passage in PASSAGES:
-        planes += list(barriers(widened(slope, passage), start)[1:])
+        planes += list(barriers(dilated(slope, passage), start)[1:])
     return planes
 
 
@@ -163,7 +173,7 @@ def _frame(shape: tuple[int, int], width: int) -> Image:
 
 
 def barriers(heights: Plane, start: Image) -> Plane:
-    """What stands on ways from a start, a plane for each of ``BARRIER``."""
+    """What must be crossed on the minimax path from a start, a plane for each of ``BARRIER``."""
     planes = np.empty((len(BARRIER), *heights.shape), np.float32)
     _core.evidence_barrier(np.ascontiguousarray(heights), start, STEP, planes)
     return planes

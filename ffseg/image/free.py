@@ -34,13 +34,13 @@ def free_pixels(edges: Image, domain: Image | None, clearance: float = 0.0) -> M
     return free if domain is None else free & (domain != 0)
 
 
-def room_round(free: Mask) -> Plane:
+def clear_distances(free: Mask) -> Plane:
     """Distance of every pixel to the nearest one that is not free, pixels; the ring beyond the image is not free."""
     return distances(np.pad(free, 1))[1:-1, 1:-1]
 
 
 def deeper(free: Mask, least: float) -> Image:
-    """1 where a pixel lies farther than some pixels from the nearest one that is not free, as `room_round` measures it."""
+    """1 where a pixel lies farther than some pixels from the nearest one that is not free, as `clear_distances` measures it."""
     side = int(least)
     near = np.hypot(*np.mgrid[-side : side + 1, -side : side + 1]) <= least
     padded = cv2.erode(np.pad(free, side).view(np.uint8), near.view(np.uint8))

@@ -34,14 +34,14 @@ def floodfill(image: Image, seeds: Mask, params: FloodFill) -> Mask:
 
 def edge_components(edges: EdgeMap, seeds: Mask, params: EdgeComponents) -> Mask:
     """Pixels below an edge threshold that are connected to the start, grown up to the edge."""
-    return grown(connected(free_of_edges(edges, params.threshold) | seeds, seeds), params.grow)
+    return dilated_by_disc(connected(free_of_edges(edges, params.threshold) | seeds, seeds), params.grow)
 
 
 def edge_opened(edges: EdgeMap, seeds: Mask, params: EdgeOpened) -> Mask:
     """The same, where only a disc can pass: its centre's way is followed, then the disc is put back."""
     free = free_of_edges(edges, params.threshold) | seeds
-    core = connected(~grown(~free, params.radius) | seeds, seeds)
-    return grown(grown(core, params.radius) & free, params.grow)
+    core = connected(~dilated_by_disc(~free, params.radius) | seeds, seeds)
+    return dilated_by_disc(dilated_by_disc(core, params.radius) & free, params.grow)
 
 
 def watershed(image: Image, seeds: Mask, params: Watershed) -> Mask:
@@ -124,7 +124,7 @@ _FILLED = 2
 _FILL = 4 | cv2.FLOODFILL_MASK_ONLY | (_FILLED << 8)
 
 
-def grown(mask: Mask, by: float) -> Mask:
+def dilated_by_disc(mask: Mask, by: float) -> Mask:
     """All pixels within a distance of a region."""
     if by <= 0 or not mask.any():
         return mask

@@ -140,11 +140,11 @@ def _skfmm(edges: EdgeMap, seeds: Mask, params: SkFmm) -> Mask:
     start = np.ma.MaskedArray(np.where(seeds, -1.0, 1.0), speed == 0)
     times = package.travel_time(start, speed)
     reached: Mask = ~np.ma.getmaskarray(times) | seeds
-    return opencv_peers.grown(reached, params.grow)
+    return opencv_peers.dilated_by_disc(reached, params.grow)
 
 
 def _sitk_fast_marching(edges: EdgeMap, seeds: Mask, params: SitkFastMarching) -> Mask:
-    return opencv_peers.grown(_sitk_front(edges, seeds, params.threshold), params.grow)
+    return opencv_peers.dilated_by_disc(_sitk_front(edges, seeds, params.threshold), params.grow)
 
 
 def _method(kind: type[S], find: Callable[[Any, Mask, S], Mask], *, edges: bool = False) -> Callable[[Scene], Outcome]:

@@ -10,7 +10,7 @@ import numpy as np
 from ffseg.arrays import Mask, Plane
 from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
-from ffseg.image.free import free_part_under, free_pixels, room_round
+from ffseg.image.free import clear_distances, free_part_under, free_pixels
 from ffseg.image.raster import rasterize
 from ffseg.parameters import LEAST_START
 from ffseg.scene import Scene
@@ -71,7 +71,7 @@ def moved_starts(scene: Scene, remedy: str) -> tuple[Scene, str]:
             stays = f"cannot move from round the robot's disc, of radius {scene.robot * scene.factor:g}"
             raise SegmentationError(f"the start contour lies {cause} at every sample and {stays}; {remedy}")
         free &= ~rasterize([circle_start((*scene.center, scene.robot), scene.params)], free.shape)
-    room = room_round(free) - SPARE
+    room = clear_distances(free) - SPARE
     if float(room.max(initial=0.0)) < LEAST_START:
         raise SegmentationError(f"the start contour lies {cause} at every sample, and there is no free place; {remedy}")
     open_ground = free_pixels(scene.edges.edges, scene.domain)

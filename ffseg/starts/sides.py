@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ffseg.arrays import Image, Mask
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.components import filled
-from ffseg.image.free import free_pixels, open_sides, room_round
+from ffseg.image.free import clear_distances, free_pixels, open_sides
 from ffseg.image.raster import rasterize
 from ffseg.scene import Scene
 from ffseg.starts.initial import circle_start
@@ -95,7 +95,7 @@ def _moved(start: FreeForm, free: Mask, sides: NDArray[np.int32], *, widest: boo
     """
     old = as_circle(start)
     window, (left, top) = _window(old, (FARTHEST + 1) * old.radius + SPARE + 2)
-    room = room_round(free[window]) - SPARE
+    room = clear_distances(free[window]) - SPARE
     near = FreeForm(start.control_points - (left, top), start.degree)
     under = sides[window][rasterize([near], room.shape)]
     counts = np.bincount(under)[1:]

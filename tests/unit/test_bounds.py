@@ -9,7 +9,7 @@ import pytest
 import ffseg
 from ffseg.errors import SegmentationError
 from ffseg.image.disc import Disc, valid_disc
-from ffseg.image.free import distances, free_part_under, free_pixels, room_round
+from ffseg.image.free import clear_distances, distances, free_part_under, free_pixels
 from tests import scenes
 
 
@@ -124,7 +124,7 @@ def test_free_pixels_and_their_room() -> None:
     free = free_pixels(edges, domain)
     assert np.nonzero(~free[20])[0].tolist() == [0, 1, 2, 3, 4, 29, 30, 31]
     assert np.nonzero(~free_pixels(edges, None, 9.0)[20])[0].tolist() == list(range(26, 35))  # less than 4.5 away
-    room = room_round(free)
+    room = clear_distances(free)
     assert (room[20, 10], room[20, 17]) == (6.0, 12.0)
     assert room[0, 45] == 1.0  # the border of the image
     left = free_part_under(free, np.indices((40, 60))[1] < 31)

@@ -5,7 +5,7 @@ import pytest
 
 from ffseg.evidence.features import KNOWN, NAMES, PLAIN, features
 from ffseg.evidence.forest import Model, from_bytes, to_bytes
-from ffseg.evidence.maps import widened
+from ffseg.evidence.maps import dilated
 from ffseg.evidence.openings import OPEN, PASSAGES, open_areas
 from tests.stumps import stump
 
@@ -74,7 +74,7 @@ def test_widened_is_the_largest_of_the_square_round_a_pixel() -> None:
         reach = width // 2
         padded = np.pad(region, reach)
         windows = np.lib.stride_tricks.sliding_window_view(padded, (width, width))
-        np.testing.assert_array_equal(widened(region, width), windows.max(axis=(2, 3)))
+        np.testing.assert_array_equal(dilated(region, width), windows.max(axis=(2, 3)))
 
 
 def test_only_a_model_that_asks_for_open_ground_looks_for_it() -> None:

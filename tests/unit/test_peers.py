@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ffseg.api import segment
 from ffseg.errors import ParameterError, SegmentationError
-from ffseg.image.opencv_peers import connected, grown
+from ffseg.image.opencv_peers import connected, dilated_by_disc
 from ffseg.image.raster import rasterize
 from ffseg.methods import peers
 from ffseg.metrics import scores
@@ -91,7 +91,7 @@ def test_a_region_grows_by_a_distance(radius: float) -> None:
     rows, columns = np.nonzero(mask)
     y, x = np.mgrid[:40, :50]
     near = np.min((y[..., None] - rows) ** 2 + (x[..., None] - columns) ** 2, axis=2) <= radius**2
-    assert np.array_equal(grown(mask, radius), near)
+    assert np.array_equal(dilated_by_disc(mask, radius), near)
 
 
 def test_all_seeds_are_followed() -> None:

@@ -36,7 +36,7 @@ LEAST_DEPTH = 7
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class PictureKind:
     """A kind of pictures.
 
     Attributes
@@ -82,18 +82,18 @@ def _behind(rng: Generator) -> Array:
     return (_indoors(rng) if rng.random() < 0.5 else _street(rng, dusk=False))[0]
 
 
-KINDS: dict[str, Kind] = {
-    "room": Kind(_indoors, afoot=True, alike=True),
-    "corridor": Kind(_corridor, afoot=True, alike=True),
-    "street": Kind(_street, afoot=True, alike=True),
-    "mirror": Kind(_mirror, alike=True),
-    "thing": Kind(lambda rng: _ground(thing(rng, _behind)), (0.03, 0.6), alike=True),
-    "animal": Kind(lambda rng: _ground(thing(rng, None)), (0.03, 0.6), alike=True),
-    "tissue": Kind(lambda rng: parted(rng, TISSUE), (0.004, 0.4)),
-    "field": Kind(lambda rng: parted(rng, FIELDS), (0.02, 0.6)),
-    "organ": Kind(lambda rng: parted(rng, ORGANS), (0.02, 0.6)),
-    "nuclei": Kind(lambda rng: specks(rng, NUCLEI), (0.003, 0.5)),
-    "colony": Kind(lambda rng: specks(rng, COLONIES), (0.003, 0.5)),
+KINDS: dict[str, PictureKind] = {
+    "room": PictureKind(_indoors, afoot=True, alike=True),
+    "corridor": PictureKind(_corridor, afoot=True, alike=True),
+    "street": PictureKind(_street, afoot=True, alike=True),
+    "mirror": PictureKind(_mirror, alike=True),
+    "thing": PictureKind(lambda rng: _ground(thing(rng, _behind)), (0.03, 0.6), alike=True),
+    "animal": PictureKind(lambda rng: _ground(thing(rng, None)), (0.03, 0.6), alike=True),
+    "tissue": PictureKind(lambda rng: parted(rng, TISSUE), (0.004, 0.4)),
+    "field": PictureKind(lambda rng: parted(rng, FIELDS), (0.02, 0.6)),
+    "organ": PictureKind(lambda rng: parted(rng, ORGANS), (0.02, 0.6)),
+    "nuclei": PictureKind(lambda rng: specks(rng, NUCLEI), (0.003, 0.5)),
+    "colony": PictureKind(lambda rng: specks(rng, COLONIES), (0.003, 0.5)),
 }
 
 
@@ -144,7 +144,7 @@ def seen_from_the_middle(scene: World, rng: Generator) -> World:
     return replace(scene, boxes=[replace(walls, foot=foot), *scene.boxes[1:]])
 
 
-def _seen(image: Array, things: Array, rng: Generator, kind: Kind) -> Iterator[Sight]:
+def _seen(image: Array, things: Array, rng: Generator, kind: PictureKind) -> Iterator[Sight]:
     depth = _depth(things)
     if depth.max() < LEAST_DEPTH:
         return
