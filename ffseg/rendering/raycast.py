@@ -12,7 +12,7 @@ from ffseg.camera.model import Camera
 from ffseg.rendering.scene import Box, Mark, Room, World
 from ffseg.rendering.texture import Noise
 
-Labels = NDArray[np.int16]
+SurfaceLabels = NDArray[np.int16]
 
 OUTSIDE, GROUND, FIRST_MARK, STREAK, SHADOW, FIRST_BOX, FIRST_WALL = -1, 0, 1, 90, 91, 100, 200
 SUBSAMPLES = 4
@@ -44,14 +44,14 @@ class Rendering:
 
     image: Image
     truth: Mask
-    labels: Labels
+    labels: SurfaceLabels
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Hits:
     """What rays meet: label, a finer number that also tells faces and patterns apart, and the grey."""
 
-    label: Labels
+    label: SurfaceLabels
     part: NDArray[np.int32]
     grey: Array
 
@@ -156,7 +156,7 @@ class _Caster:
             hits.part[low] = label[low]
         return hits
 
-    def _ground_hits(self, eye: Array, ways: Array, reach: Array) -> tuple[Labels, Array]:
+    def _ground_hits(self, eye: Array, ways: Array, reach: Array) -> tuple[SurfaceLabels, Array]:
         points = eye[:2] + ways[:, :2] * reach[:, None]
         slope = np.maximum(-ways[:, 2], 0.02)
         grey = np.full(len(points), self._scene.ground_grey)
@@ -284,7 +284,7 @@ def _inside(mark: Mark, points: Array) -> Mask:
     return inside
 
 
-def _truth(labels: Labels, camera: Camera) -> Mask:
+def _truth(labels: SurfaceLabels, camera: Camera) -> Mask:
     """Ground and marks connected with the robot by pixel sides, found row by row from the robot's disc."""
     x = np.arange(camera.width) - camera.center[0]
     y = np.arange(camera.height) - camera.center[1]

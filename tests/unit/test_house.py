@@ -5,6 +5,8 @@ Two definitions of one name in the core are found by the build of all sources as
 
 import ast
 import re
+from collections import Counter
+from itertools import chain
 from pathlib import Path
 
 import pytest
@@ -14,6 +16,8 @@ CORE = PACKAGE / "native"
 MODULES = sorted(PACKAGE.rglob("*.py"))
 SOURCES = sorted(path for path in CORE.rglob("*") if path.suffix in {".cpp", ".hpp"})
 FUNCTION_LINES, NATIVE_FUNCTION_LINES = 40, 60
+SHARED = {"Box", "Doubt", "Journal", "Node", "Region", "Row", "Samples", "Task", "World"}
+"""Names of two classes: the same thing drawn by two renderers or kept by several commands, words of apart rooms, public names."""
 NO_FUNCTION = re.compile(r"(public|private|protected):|(namespace|class|struct|union|enum)\b")
 
 
@@ -40,6 +44,18 @@ def lines_of(function: ast.FunctionDef) -> int:
 def test_no_function_is_too_long(path: Path) -> None:
     functions = [node for node in ast.walk(ast.parse(path.read_text("utf-8"))) if isinstance(node, ast.FunctionDef)]
     assert {item.name: lines_of(item) for item in functions if lines_of(item) > FUNCTION_LINES} == {}
+
+
+def test_a_class_name_means_one_thing() -> None:
+    trees = [ast.parse(path.read_text("utf-8")) for path in MODULES]
+    names = (node.name for node in chain.from_iterable(tree.body for tree in trees) if isinstance(node, ast.ClassDef))
+    assert {name for name, count in Counter(names).items() if count > 1 and name[0] != "_"} == SHARED
+
+
+def test_types_of_arrays_are_named_once() -> None:
+    texts = (path.read_text("utf-8") for path in MODULES)
+    names = [name for text in texts for name in re.findall(r"^(\w+) = NDArray\[", text, re.MULTILINE)]
+    assert {name for name, count in Counter(names).items() if count > 1} == set()
 
 
 def long_functions(text: str) -> list[str]:

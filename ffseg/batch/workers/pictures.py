@@ -19,7 +19,7 @@ from ffseg.io.masks import MOST_LEVELS, decode_labels, hides_levels
 from ffseg.metrics import IGNORED, INSIDE
 from ffseg.parameters import Levels
 
-Labels = NDArray[Any]
+LabelImage = NDArray[Any]
 
 _DEEP = 257
 """A level of 8 bits is this many of 16."""
@@ -146,7 +146,7 @@ def read_truth(path: str, shape: tuple[int, int], label: int | None = None, limi
     return levels
 
 
-def _levels(labels: Labels, *, lossy: bool) -> Image:
+def _levels(labels: LabelImage, *, lossy: bool) -> Image:
     """Levels of a truth that must say by itself what is inside."""
     if labels.ndim > 2:  # a picture of a mask: what counts is whether a pixel has any colour
         strongest = labels.max(axis=2)
@@ -172,7 +172,7 @@ def _levels(labels: Labels, *, lossy: bool) -> Image:
     )
 
 
-def _chosen(labels: Labels, label: int) -> Image:
+def _chosen(labels: LabelImage, label: int) -> Image:
     """Levels of a truth of which one number is inside."""
     if labels.ndim > 2:
         raise ValueError("is in colour; class numbers need a grey image")

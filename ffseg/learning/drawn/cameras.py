@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from ffseg.learning.drawn.rays import GROUND, World, shaded
-from ffseg.learning.drawn.skins import Array, colour
+from ffseg.learning.drawn.skins import AnyArray, colour
 
 Generator = np.random.Generator
 
@@ -23,9 +23,9 @@ CLEAR_OF_CAMERA = 0.25
 class Viewpoint:
     """Where it stands, its (H, W, 3) rays, and, under a mirror, the distance of each pixel from its middle in radii."""
 
-    origin: Array
-    rays: Array
-    radii: Array | None = None
+    origin: AnyArray
+    rays: AnyArray
+    radii: AnyArray | None = None
 
 
 def perspective(rng: Generator, *, road: bool) -> Viewpoint:
@@ -45,7 +45,7 @@ def perspective(rng: Generator, *, road: bool) -> Viewpoint:
     return Viewpoint(np.array([0, 0, up]), rays / np.linalg.norm(rays, axis=2)[..., None])
 
 
-def rotation(angle: float, one: int, other: int) -> Array:
+def rotation(angle: float, one: int, other: int) -> AnyArray:
     """Rotation in the plane of two axes."""
     found = np.eye(3)
     found[[one, other], [one, other]] = np.cos(angle)
@@ -73,7 +73,7 @@ def mirror(rng: Generator) -> Viewpoint:
     return Viewpoint(np.array([0, 0, rng.uniform(0.5, 1.8)]), rays, radii)
 
 
-def photographed(scene: World, camera: Viewpoint, rng: Generator, *, road: bool) -> tuple[Array, Array]:
+def photographed(scene: World, camera: Viewpoint, rng: Generator, *, road: bool) -> tuple[AnyArray, AnyArray]:
     """The picture, (H, W, 3) bytes, and which pixels show the ground."""
     shape = camera.rays.shape[:2]
     found, hits = shaded(scene, camera.origin, camera.rays.reshape(-1, 3), rng)
@@ -97,14 +97,14 @@ def _exposure(rng: Generator, least: float, most: float) -> float:
     return float(np.exp(rng.uniform(np.log(least), np.log(most))))
 
 
-def _vignette(light: Array, rng: Generator) -> None:
+def _vignette(light: AnyArray, rng: Generator) -> None:
     height, width = light.shape[:2]
     y, x = np.mgrid[:height, :width]
     away = np.hypot(y - height / 2, x - width / 2) / np.hypot(height / 2, width / 2)
     light *= (1 - rng.uniform(0, 0.35) * away**2)[..., None]
 
 
-def housing(light: Array, ground: Array, radii: Array, rng: Generator) -> None:
+def housing(light: AnyArray, ground: AnyArray, radii: AnyArray, rng: Generator) -> None:
     """The dark round a mirror, the camera's own image in its middle, sometimes a rod across."""
     light *= (1 - rng.uniform(0, 0.5) * np.clip(radii, 0, 1) ** 2)[..., None]
     height, width = radii.shape
@@ -123,7 +123,7 @@ def housing(light: Array, ground: Array, radii: Array, rng: Generator) -> None:
         ground &= ~region
 
 
-def bonnet(light: Array, ground: Array, rng: Generator) -> None:
+def bonnet(light: AnyArray, ground: AnyArray, rng: Generator) -> None:
     """The car's own bonnet at the lower border."""
     height, width = ground.shape
     y, x = np.mgrid[:height, :width]
@@ -132,7 +132,7 @@ def bonnet(light: Array, ground: Array, rng: Generator) -> None:
     ground &= ~own
 
 
-def developed(light: Array, rng: Generator, *, hazy: bool = False, noise: Generator | None = None) -> Array:
+def developed(light: AnyArray, rng: Generator, *, hazy: bool = False, noise: Generator | None = None) -> AnyArray:
     """What a camera makes of that light: blur, noise (of its own, if given), a tone curve, haze, compression; bytes.
 
     The noise is that of photons, whose deviation goes with the root of the signal, and of reading it out.
@@ -148,7 +148,7 @@ def developed(light: Array, rng: Generator, *, hazy: bool = False, noise: Genera
     if hazy and rng.random() < 0.2:
         veil = rng.uniform(0.05, 0.6)
         found = veil + (1 - veil) * found
-    levels: Array = np.clip(found * 255, 0, 255).astype(np.uint8)
+    levels: AnyArray = np.clip(found * 255, 0, 255).astype(np.uint8)
     if rng.random() < 0.1:
         levels = np.repeat(cv2.cvtColor(levels, cv2.COLOR_BGR2GRAY)[..., None], 3, axis=2)
     if rng.random() < 0.75:
@@ -162,7 +162,7 @@ def _sampling(rng: Generator) -> int:
     return int(rng.choice([getattr(cv2, f"IMWRITE_JPEG_SAMPLING_FACTOR_{name}") for name in ("444", "422", "420")]))
 
 
-def _blurred(light: Array, rng: Generator) -> Array:
+def _blurred(light: AnyArray, rng: Generator) -> AnyArray:
     """Out of focus a little, sometimes more, sometimes moved."""
     sigma = rng.uniform(0.5, 1.1) if rng.random() < 0.8 else rng.uniform(1.0, 2.2)
     found = cv2.GaussianBlur(light, (0, 0), float(sigma))

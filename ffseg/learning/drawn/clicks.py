@@ -6,13 +6,11 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from ffseg.arrays import Image, Mask
 from ffseg.metrics import IGNORED, INSIDE
 from ffseg.parameters import Circle
 from ffseg.starts.rivals import add_disc
-
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +20,7 @@ class Clicks:
     inside: tuple[Circle, ...] = ()
     outside: tuple[Circle, ...] = ()
 
-    def next(self, mask: Mask, truth: NDArray[np.uint8], radius: float) -> Clicks:
+    def next(self, mask: Mask, truth: Image, radius: float) -> Clicks:
         """With one more in what a mask misses or has too much; a circle is no larger than the error is deep."""
         depths = [
             cv2.distanceTransform(np.pad(error.astype(np.uint8), 1), cv2.DIST_L2, 5)[1:-1, 1:-1]

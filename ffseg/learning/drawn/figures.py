@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 
 from ffseg.learning.drawn.cameras import LONGEST, developed
-from ffseg.learning.drawn.skins import Array, colour, noise, tinted
+from ffseg.learning.drawn.skins import AnyArray, colour, noise, tinted
 
 Generator = np.random.Generator
-Part = tuple[Array, int]
+Part = tuple[AnyArray, int]
 """Signed distance to a part, negative inside, shape (H, W); parts of one number look alike."""
 
 TEXTURE = 512
@@ -25,7 +25,7 @@ class Canvas:
         y, x = np.mgrid[:height, :width]
         self.shape, self.at = (height, width), np.stack([x, y], -1).astype(np.float32)
 
-    def near(self, middle: Array, reach: float) -> tuple[tuple[slice, slice], Canvas]:
+    def near(self, middle: AnyArray, reach: float) -> tuple[tuple[slice, slice], Canvas]:
         """The part of the canvas within so far of a point, along each axis, and where it lies."""
         rows, columns = (
             slice(*np.clip([int(at - reach), int(at + reach) + 2], 0, size).tolist())
@@ -36,20 +36,20 @@ class Canvas:
         part.shape = part.at.shape[:2]
         return (rows, columns), part
 
-    def capsule(self, ends: tuple[Array, Array], radii: tuple[float, float]) -> Array:
+    def capsule(self, ends: tuple[AnyArray, AnyArray], radii: tuple[float, float]) -> AnyArray:
         """A limb: between two points, from one radius to the other."""
         way = ends[1] - ends[0]
         part = np.clip((self.at - ends[0]) @ way / max(float(way @ way), 1e-3), 0, 1)
         away = np.linalg.norm(self.at - ends[0] - part[..., None] * way, axis=2)
         return np.asarray(away - radii[0] - (radii[1] - radii[0]) * part)
 
-    def ellipse(self, middle: Array, axes: tuple[float, float], turn: float = 0.0) -> Array:
+    def ellipse(self, middle: AnyArray, axes: tuple[float, float], turn: float = 0.0) -> AnyArray:
         """About the distance to an ellipse."""
         c, s = np.cos(turn), np.sin(turn)
         own = (self.at - middle) @ np.array([[c, -s], [s, c]]) / axes
         return np.asarray((np.linalg.norm(own, axis=2) - 1) * min(axes))
 
-    def polygon(self, corners: Array) -> Array:
+    def polygon(self, corners: AnyArray) -> AnyArray:
         """Distance to a polygon, to a pixel."""
         inside = np.zeros(self.shape, np.uint8)
         cv2.fillPoly(inside, [np.rint(corners).astype(np.int32)], 1)
@@ -58,7 +58,7 @@ class Canvas:
         )
 
 
-def _animal(on: Canvas, rng: Generator, middle: Array, size: float) -> Iterator[Part]:
+def _animal(on: Canvas, rng: Generator, middle: AnyArray, size: float) -> Iterator[Part]:
     lean, side = rng.normal(0, 0.25), rng.choice([-1, 1])
     axis, long, thick = (
         np.array([np.cos(lean), np.sin(lean)]),
@@ -95,7 +95,7 @@ def _animal(on: Canvas, rng: Generator, middle: Array, size: float) -> Iterator[
         )
 
 
-def _person(on: Canvas, rng: Generator, hip: Array, size: float) -> Iterator[Part]:
+def _person(on: Canvas, rng: Generator, hip: AnyArray, size: float) -> Iterator[Part]:
     unit, lean = size / 2, rng.normal(0, 0.15)
     up, wide = np.array([np.sin(lean), -np.cos(lean)]), unit * rng.uniform(0.13, 0.2)
     side, neck = np.array([up[1], -up[0]]), hip + up * unit * 0.55
@@ -123,11 +123,11 @@ def _person(on: Canvas, rng: Generator, hip: Array, size: float) -> Iterator[Par
         yield on.ellipse(head + up * unit * 0.06, (0.12 * unit, 0.1 * unit), lean), 3  # hair or a hat
 
 
-def _vehicle(on: Canvas, rng: Generator, middle: Array, size: float) -> Iterator[Part]:
+def _vehicle(on: Canvas, rng: Generator, middle: AnyArray, size: float) -> Iterator[Part]:
     scale, lean = np.array([0.45 * size, size * rng.uniform(0.12, 0.2)]), rng.normal(0, 0.2)
     c, s = np.cos(lean), np.sin(lean)
 
-    def placed(corners: list[tuple[float, float]], gain: float = 1.0) -> Array:
+    def placed(corners: list[tuple[float, float]], gain: float = 1.0) -> AnyArray:
         return np.asarray(middle + gain * np.array(corners) * scale @ np.array([[c, s], [-s, c]]))
 
     body = placed([(-1, 0.5), (-1, -0.3), (-0.6, -0.5), (0.6, -0.5), (1, -0.1), (1, 0.5)])
@@ -143,7 +143,7 @@ def _vehicle(on: Canvas, rng: Generator, middle: Array, size: float) -> Iterator
         yield on.polygon(placed([(-1.1, -2), (-0.7, -2), (0.3, 0.4), (-0.3, 0.6)])), 0  # a wing
 
 
-def _tool(on: Canvas, rng: Generator, middle: Array, size: float) -> Iterator[Part]:
+def _tool(on: Canvas, rng: Generator, middle: AnyArray, size: float) -> Iterator[Part]:
     turn = rng.uniform(0, np.pi)
     reach = np.array([np.cos(turn), np.sin(turn)]) * size * 0.4
     yield (
@@ -154,7 +154,7 @@ def _tool(on: Canvas, rng: Generator, middle: Array, size: float) -> Iterator[Pa
     yield on.ellipse(middle + reach, axes, rng.uniform(0, 3)), int(rng.random() < 0.5)
 
 
-def _pebbles(on: Canvas, rng: Generator, middle: Array, size: float) -> Iterator[Part]:
+def _pebbles(on: Canvas, rng: Generator, middle: AnyArray, size: float) -> Iterator[Part]:
     axes = (size * rng.uniform(0.2, 0.35), size * rng.uniform(0.15, 0.3))
     yield on.ellipse(middle, axes, rng.uniform(0, 3)), 0
     for _ in range(int(rng.integers(0, 5))):
@@ -162,7 +162,7 @@ def _pebbles(on: Canvas, rng: Generator, middle: Array, size: float) -> Iterator
         yield on.ellipse(middle + rng.normal(0, 0.2, 2) * size, axes, rng.uniform(0, 3)), int(rng.integers(0, 3))
 
 
-def _leaf(on: Canvas, rng: Generator, middle: Array, size: float) -> Iterator[Part]:
+def _leaf(on: Canvas, rng: Generator, middle: AnyArray, size: float) -> Iterator[Part]:
     turn, lobes, slim = rng.uniform(0, 2 * np.pi), int(rng.integers(1, 8)), rng.uniform(0.3, 0.9)
     around = np.linspace(0, 2 * np.pi, 160, endpoint=False)
     radius = 0.4 * size * (1 + rng.uniform(0, 0.3) * abs(np.sin(lobes * around / 2)) + 0.03 * np.sin(40 * around))
@@ -174,7 +174,7 @@ def _leaf(on: Canvas, rng: Generator, middle: Array, size: float) -> Iterator[Pa
     yield on.capsule(ends, (vein, vein)), 1
 
 
-FIGURES: dict[str, tuple[Callable[[Canvas, Generator, Array, float], Iterator[Part]], float]] = {
+FIGURES: dict[str, tuple[Callable[[Canvas, Generator, AnyArray, float], Iterator[Part]], float]] = {
     "animal": (_animal, 0.3),
     "person": (_person, 0.2),
     "vehicle": (_vehicle, 0.15),
@@ -185,19 +185,19 @@ FIGURES: dict[str, tuple[Callable[[Canvas, Generator, Array, float], Iterator[Pa
 """Figures and how often they are drawn."""
 
 
-def figure(on: Canvas, rng: Generator, middle: Array, size: float) -> list[Part]:
+def figure(on: Canvas, rng: Generator, middle: AnyArray, size: float) -> list[Part]:
     """Parts of some thing, from the back to the front."""
     names, shares = zip(*((name, share) for name, (_, share) in FIGURES.items()), strict=True)
     return list(FIGURES[str(rng.choice(names, p=shares))][0](on, rng, middle, size))
 
 
-def painted(image: Array, parts: list[Part], rng: Generator, light: Array) -> Array:
+def painted(image: AnyArray, parts: list[Part], rng: Generator, light: AnyArray) -> AnyArray:
     """Paint a figure over an image, in place; where it is, (H, W) bool."""
     height, width = image.shape[:2]
     ragged = noise(rng, TEXTURE, [24, 64], 0.6)[:height, :width] * rng.uniform(0, 1.6)
     camouflaged = rng.random() < 0.2
     base = tinted(rng, image.mean((0, 1)), (0.6, 1.5), 0.1) if camouflaged else colour(rng, (0.05, 0.9), 0.35)
-    skins: dict[int, Array] = {}
+    skins: dict[int, AnyArray] = {}
     covered = np.zeros((height, width), np.bool_)
     for smooth, number in parts:
         if number not in skins:
@@ -213,7 +213,7 @@ def painted(image: Array, parts: list[Part], rng: Generator, light: Array) -> Ar
     return covered
 
 
-def pelt(rng: Generator, base: Array, shape: tuple[int, int]) -> Array:
+def pelt(rng: Generator, base: AnyArray, shape: tuple[int, int]) -> AnyArray:
     """A texture over a whole canvas: plain, fur, stripes, spots, checks, two colours."""
     height, width = shape
     kind = rng.choice(["plain", "fur", "stripes", "spots", "checks", "two"], p=[0.4, 0.25, 0.12, 0.1, 0.05, 0.08])
@@ -239,10 +239,10 @@ def pelt(rng: Generator, base: Array, shape: tuple[int, int]) -> Array:
     return np.clip(found, 0.005, 1.2)
 
 
-Behind = Callable[[Generator], Array]
+Behind = Callable[[Generator], AnyArray]
 
 
-def background(rng: Generator, shape: tuple[int, int], behind: Behind | None) -> Array:
+def background(rng: Generator, shape: tuple[int, int], behind: Behind | None) -> AnyArray:
     """Land in bands, leaves, blurred shapes, or a part of such a picture as `behind` draws; sometimes out of focus.
 
     Without `behind`: grass and leaves.
@@ -259,7 +259,7 @@ def background(rng: Generator, shape: tuple[int, int], behind: Behind | None) ->
     return np.asarray(cv2.GaussianBlur(found, (0, 0), blur)) if blur else found
 
 
-def _cut(rng: Generator, shape: tuple[int, int], picture: Array) -> Array:
+def _cut(rng: Generator, shape: tuple[int, int], picture: AnyArray) -> AnyArray:
     gain = max(shape[0] / picture.shape[0], shape[1] / picture.shape[1]) * rng.uniform(1.01, 1.6)
     large = cv2.resize(picture, None, fx=gain, fy=gain)
     top, left = (int(rng.integers(large.shape[axis] - shape[axis] + 1)) for axis in (0, 1))
@@ -267,7 +267,7 @@ def _cut(rng: Generator, shape: tuple[int, int], picture: Array) -> Array:
     return np.asarray((part[:, ::-1] if rng.random() < 0.5 else part) / 255.0) ** 2.2
 
 
-def _bands(rng: Generator, shape: tuple[int, int]) -> Array:
+def _bands(rng: Generator, shape: tuple[int, int]) -> AnyArray:
     height, width = shape
     found, (y, x) = pelt(rng, colour(rng, (0.2, 0.95), 0.3), shape), np.mgrid[:height, :width]
     for number in range(int(rng.integers(1, 4))):
@@ -279,7 +279,7 @@ def _bands(rng: Generator, shape: tuple[int, int]) -> Array:
     return found
 
 
-def _meadow(rng: Generator, shape: tuple[int, int]) -> Array:
+def _meadow(rng: Generator, shape: tuple[int, int]) -> AnyArray:
     """Grass, finer to the back, often under something darker or lighter from some height on."""
     height, width = shape
     green = colour(rng, (0.1, 0.6), 0.3) * np.array([0.6, 1.0, 0.8])
@@ -294,7 +294,7 @@ def _meadow(rng: Generator, shape: tuple[int, int]) -> Array:
     return np.asarray(found)
 
 
-def _foliage(rng: Generator, shape: tuple[int, int]) -> Array:
+def _foliage(rng: Generator, shape: tuple[int, int]) -> AnyArray:
     height, width = shape
     fine = noise(rng, TEXTURE, [8, 32, 64, 128, 256], 0.95)[:height, :width]
     found = colour(rng, (0.1, 0.6), 0.35) * np.clip(1 + rng.uniform(0.2, 0.7) * fine, 0.05, 3)[..., None]
@@ -303,7 +303,7 @@ def _foliage(rng: Generator, shape: tuple[int, int]) -> Array:
     return np.where(gaps[..., None], colour(rng, (0.05, 0.8), 0.4) * other[..., None], found)
 
 
-def _shapes(rng: Generator, shape: tuple[int, int]) -> Array:
+def _shapes(rng: Generator, shape: tuple[int, int]) -> AnyArray:
     found = np.zeros((*shape, 3), np.float32) + colour(rng)
     for _ in range(int(rng.integers(5, 30))):
         middle = (int(rng.integers(shape[1])), int(rng.integers(shape[0])))
@@ -313,7 +313,7 @@ def _shapes(rng: Generator, shape: tuple[int, int]) -> Array:
     return found
 
 
-def thing(rng: Generator, behind: Behind | None) -> tuple[Array, Array]:
+def thing(rng: Generator, behind: Behind | None) -> tuple[AnyArray, AnyArray]:
     """A picture of one thing among others, (H, W, 3) bytes, and where it is; `behind` as `background` takes it."""
     width = int(rng.integers(200, LONGEST))
     height = int(width * rng.choice([0.667, 0.75, 1, 1.5]))
@@ -334,7 +334,7 @@ def thing(rng: Generator, behind: Behind | None) -> tuple[Array, Array]:
     return developed(image, rng), covered
 
 
-def _shadow(rng: Generator, parts: list[Part], size: float) -> Array:
+def _shadow(rng: Generator, parts: list[Part], size: float) -> AnyArray:
     """What a figure leaves of the light on the ground behind it."""
     solid = np.max([np.clip(0.5 - distance, 0, 1) for distance, _ in parts], axis=0).astype(np.float32)
     height, width = solid.shape

@@ -9,7 +9,7 @@ import numpy as np
 
 from ffseg.learning.drawn.cameras import LONGEST, developed
 from ffseg.learning.drawn.figures import TEXTURE, Canvas, pelt
-from ffseg.learning.drawn.skins import Array, colour, noise, tinted
+from ffseg.learning.drawn.skins import AnyArray, colour, noise, tinted
 
 Generator = np.random.Generator
 
@@ -61,7 +61,7 @@ def canvas(rng: Generator, shapes: tuple[float, ...] = (0.667, 0.75, 1.0, 1.5)) 
     return Canvas(LONGEST, int(width * LONGEST / height)) if height > LONGEST else Canvas(height, width)
 
 
-def parted(rng: Generator, kind: Tiling) -> tuple[Array, Array]:
+def parted(rng: Generator, kind: Tiling) -> tuple[AnyArray, AnyArray]:
     """A plane in parts: the picture, (H, W, 3) bytes, and the number of each part from 1, 0 on borders and outside."""
     on = canvas(rng)
     height, width = on.shape
@@ -87,7 +87,7 @@ def parted(rng: Generator, kind: Tiling) -> tuple[Array, Array]:
     return lit(rng, found), labels
 
 
-def _tiles(rng: Generator, on: Canvas, count: int, bent: float) -> tuple[Array, Array]:
+def _tiles(rng: Generator, on: Canvas, count: int, bent: float) -> tuple[AnyArray, AnyArray]:
     """The nearest of some centres to each place, and about how far the border to the next one is."""
     moved = on.at + bent * np.stack([_noise(rng, on, [3, 6, 12]), _noise(rng, on, [3, 6, 12])], -1)
     stretch = np.array([1, rng.uniform(0.5, 1)])
@@ -102,7 +102,7 @@ def _tiles(rng: Generator, on: Canvas, count: int, bent: float) -> tuple[Array, 
     return labels, (next_near - near) / 2
 
 
-def _tones(rng: Generator, labels: Array, kind: Tiling) -> Array:
+def _tones(rng: Generator, labels: AnyArray, kind: Tiling) -> AnyArray:
     """Colours of the parts, before borders and light."""
     count = int(labels.max()) + 1
     base = colour(rng, (0.25, 0.85), 0.3)
@@ -138,7 +138,7 @@ MERGED = 0.15
 """Rims fainter than this part of the tone do not part things that touch."""
 
 
-def specks(rng: Generator, kind: Specks) -> tuple[Array, Array]:
+def specks(rng: Generator, kind: Specks) -> tuple[AnyArray, AnyArray]:
     """Round things on a plane, and the number of each from 1; those that touch without a rim are one."""
     on = canvas(rng)
     ground = colour(rng, (0.01, 0.9), 0.35)
@@ -149,8 +149,8 @@ def specks(rng: Generator, kind: Specks) -> tuple[Array, Array]:
     shine, soft = rng.random() < kind.shine, rng.uniform(0.8, 3)
     lightness, vary = _lightness(rng, kind, ground), rng.uniform(0, 0.25)
     base = lightness * (1 + rng.uniform(0, 0.25) * _noise(rng, on, [int(rng.integers(8, 40)), 64, 128], 0.8))[..., None]
-    ragged: Array = 0.12 * _noise(rng, on, [12, 24])
-    labels: Array = np.zeros(on.shape, np.int32)
+    ragged: AnyArray = 0.12 * _noise(rng, on, [12, 24])
+    labels: AnyArray = np.zeros(on.shape, np.int32)
     for number, (middle, radius) in enumerate(_places(rng, on, kind), 1):
         at, near = on.near(middle, 1.6 * radius + 4)
         away = (
@@ -173,13 +173,13 @@ def specks(rng: Generator, kind: Specks) -> tuple[Array, Array]:
     return lit(rng, found * np.exp(rng.uniform(0, 0.3) * _noise(rng, on, [2, 4]))[..., None]), labels
 
 
-def _lightness(rng: Generator, kind: Specks, ground: Array) -> Array:
+def _lightness(rng: Generator, kind: Specks, ground: AnyArray) -> AnyArray:
     if rng.random() < kind.dark and ground.mean() > 0.25:
         return tinted(rng, ground, (0.2, 0.75), 0.15)
     return np.clip(tinted(rng, ground, (1.3, 4), 0.2) + 0.05, 0, 1.2)
 
 
-def _places(rng: Generator, on: Canvas, kind: Specks) -> list[tuple[Array, float]]:
+def _places(rng: Generator, on: Canvas, kind: Specks) -> list[tuple[AnyArray, float]]:
     size = on.shape[::-1]
     scale, spread = rng.uniform(*kind.radii), rng.uniform(0.05, 0.5)
     middles = [rng.uniform([0, 0], size)]
@@ -189,11 +189,11 @@ def _places(rng: Generator, on: Canvas, kind: Specks) -> list[tuple[Array, float
     return [(middle, float(scale * np.exp(rng.normal(0, spread)))) for middle in middles]
 
 
-def lit(rng: Generator, light: Array) -> Array:
+def lit(rng: Generator, light: AnyArray) -> AnyArray:
     """The picture that a camera takes of it, not always as bright."""
     light = np.clip(light, 0, None)
     return developed(light / (light.mean() + 1e-3) * rng.uniform(0.1, 0.5), rng)
 
 
-def _noise(rng: Generator, on: Canvas, waves: list[int], rough: float = 0.6) -> Array:
+def _noise(rng: Generator, on: Canvas, waves: list[int], rough: float = 0.6) -> AnyArray:
     return noise(rng, TEXTURE, waves, rough)[: on.shape[0], : on.shape[1]]

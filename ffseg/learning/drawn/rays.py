@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ffseg.learning.drawn.skins import Array, Skin
+from ffseg.learning.drawn.skins import AnyArray, Skin
 
 SKY, GROUND = -1, 0
 """What a ray met that met no box; box k is k + 1."""
@@ -19,23 +19,23 @@ FAR, NEAR = 1e9, 1e-4
 class Box:
     """A box on or over the ground: middle of its foot, size, turn about the vertical; ``inner``: a room seen from inside."""
 
-    foot: Array
-    size: Array
+    foot: AnyArray
+    size: AnyArray
     yaw: float
     skin: Skin
     inner: bool = False
 
-    def seen_from(self, points: Array) -> Array:
+    def seen_from(self, points: AnyArray) -> AnyArray:
         """Points in the box's own axes, from its foot."""
         return self.turned(points - self.foot)
 
-    def turned(self, vectors: Array) -> Array:
+    def turned(self, vectors: AnyArray) -> AnyArray:
         """Directions in the box's own axes."""
         c, s = np.cos(self.yaw), np.sin(self.yaw)
         x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
         return np.stack([x * c + y * s, -x * s + y * c, z], -1)
 
-    def distance(self, points: Array) -> Array:
+    def distance(self, points: AnyArray) -> AnyArray:
         """Along the ground, from (N, 3) points outside the box (inside a room) to its foot line; 0 on the other side."""
         apart = abs(self.seen_from(points)[:, :2]) - self.size[:2] / 2
         if self.inner:
@@ -47,7 +47,7 @@ class Box:
 class Lamp:
     """A light; ``soft`` 0 casts full shadows, 2 and more none."""
 
-    place: Array
+    place: AnyArray
     power: float
     soft: float
 
@@ -77,22 +77,22 @@ class World:
     ambient: float
     gloss: float
     occlusion: float
-    sky: tuple[Array, Array]
-    sun: Array | None = None
-    patches: Sequence[tuple[Array, Array, float]] = field(default_factory=list)
+    sky: tuple[AnyArray, AnyArray]
+    sun: AnyArray | None = None
+    patches: Sequence[tuple[AnyArray, AnyArray, float]] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hits:
     """Where rays end: distance, index of what is met, places, axis of a box's face."""
 
-    distance: Array
-    index: Array
-    place: Array
-    face: Array
+    distance: AnyArray
+    index: AnyArray
+    place: AnyArray
+    face: AnyArray
 
 
-def cast(origin: Array, rays: Array, boxes: Sequence[Box], *, ground: bool = True) -> Hits:
+def cast(origin: AnyArray, rays: AnyArray, boxes: Sequence[Box], *, ground: bool = True) -> Hits:
     """What (N, 3) rays from one origin, or from one each, meet first."""
     count = len(rays)
     distance, index = np.full(count, FAR, np.float32), np.full(count, SKY, np.int16)
@@ -119,8 +119,8 @@ def cast(origin: Array, rays: Array, boxes: Sequence[Box], *, ground: bool = Tru
 
 
 def shaded(
-    scene: World, origin: Array, rays: Array, rng: np.random.Generator, *, mirrored: bool = False
-) -> tuple[Array, Hits]:
+    scene: World, origin: AnyArray, rays: AnyArray, rng: np.random.Generator, *, mirrored: bool = False
+) -> tuple[AnyArray, Hits]:
     """Colours that rays bring back, shape (N, 3), and where they ended; what is mirrored casts no shadows of its own."""
     hits = cast(origin, rays, scene.boxes)
     found, normals = _surfaces(scene, rays, hits)
@@ -131,7 +131,7 @@ def shaded(
     return found, hits
 
 
-def _surfaces(scene: World, rays: Array, hits: Hits) -> tuple[Array, Array]:
+def _surfaces(scene: World, rays: AnyArray, hits: Hits) -> tuple[AnyArray, AnyArray]:
     """Albedos, or the colours of the sky, and normals."""
     found, normals = np.empty((len(rays), 3), np.float32), np.zeros((len(rays), 3), np.float32)
     sky, ground = hits.index == SKY, hits.index == GROUND
@@ -155,7 +155,7 @@ def _surfaces(scene: World, rays: Array, hits: Hits) -> tuple[Array, Array]:
     return found, normals
 
 
-def _light(scene: World, hits: Hits, normals: Array, *, shadows: bool) -> Array:
+def _light(scene: World, hits: Hits, normals: AnyArray, *, shadows: bool) -> AnyArray:
     light = scene.ambient * (1 + 0.15 * normals[:, 2] + 0.1 * normals[:, 0])
     solid = [box for box in scene.boxes if not box.inner]
     above = hits.place + normals * 1e-3
@@ -181,7 +181,7 @@ def _light(scene: World, hits: Hits, normals: Array, *, shadows: bool) -> Array:
     return np.asarray(light)
 
 
-def _openness(scene: World, places: Array) -> Array:
+def _openness(scene: World, places: AnyArray) -> AnyArray:
     """How much of the light from everywhere reaches the ground beside things."""
     near = np.full(len(places), 9.0)
     for box in scene.boxes:
@@ -190,7 +190,7 @@ def _openness(scene: World, places: Array) -> Array:
     return np.asarray(1 - scene.occlusion * (np.exp(-near / 0.12) + 0.3 * np.exp(-near / 0.8)) / 1.3)
 
 
-def _glossy(scene: World, own: Array, places: Array, rays: Array, rng: np.random.Generator) -> Array:
+def _glossy(scene: World, own: AnyArray, places: AnyArray, rays: AnyArray, rng: np.random.Generator) -> AnyArray:
     """The ground's colours with what it mirrors (Schlick's factor) and the lamps' highlights."""
     back = rays * [1, 1, -1]
     back[:, :2] += rng.normal(0, 0.004, (len(back), 2))

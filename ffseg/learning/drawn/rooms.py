@@ -6,7 +6,7 @@ import numpy as np
 
 from ffseg.learning.drawn.rays import Box, Lamp, World
 from ffseg.learning.drawn.skins import (
-    Array,
+    AnyArray,
     Skin,
     colour,
     flooring,
@@ -72,7 +72,7 @@ def corridor(rng: Generator) -> World:
     )
 
 
-def _wall(rng: Generator, ground: Array) -> Skin:
+def _wall(rng: Generator, ground: AnyArray) -> Skin:
     alike = rng.random() < 0.4
     base = tinted(rng, ground, (0.8, 1.4), 0.03) if alike else colour(rng, (0.2, 0.95), 0.15)
     kind = rng.choice(["plain", "tiled", "patched"], p=[0.65, 0.2, 0.15])
@@ -83,7 +83,7 @@ def _wall(rng: Generator, ground: Array) -> Skin:
     return skirted(rng, wall, ground) if rng.random() < 0.6 else wall
 
 
-def _along(rng: Generator, ground: Array, room_size: Array, aside: float) -> list[Box]:
+def _along(rng: Generator, ground: AnyArray, room_size: AnyArray, aside: float) -> list[Box]:
     found = []
     for _ in range(int(rng.integers(0, 10))):
         size = rng.uniform([0.2, 0.2, 0.2], [3, 0.8, 2.4])
@@ -95,7 +95,7 @@ def _along(rng: Generator, ground: Array, room_size: Array, aside: float) -> lis
     return found
 
 
-def _in_the_way(rng: Generator, ground: Array) -> list[Box]:
+def _in_the_way(rng: Generator, ground: AnyArray) -> list[Box]:
     found = []
     for _ in range(int(rng.integers(0, 8))):
         away, turn = rng.uniform(1.3, 8), rng.uniform(-0.9, 0.9)
@@ -105,7 +105,7 @@ def _in_the_way(rng: Generator, ground: Array) -> list[Box]:
     return found
 
 
-def _tables(rng: Generator, ground: Array) -> list[Box]:
+def _tables(rng: Generator, ground: AnyArray) -> list[Box]:
     """Tables and chairs: thin legs under a board."""
     found = []
     for _ in range(int(rng.integers(1, 4)) if rng.random() < 0.4 else 0):
@@ -120,7 +120,7 @@ def _tables(rng: Generator, ground: Array) -> list[Box]:
     return found
 
 
-def _sun_patches(rng: Generator, width: float) -> list[tuple[Array, Array, float]]:
+def _sun_patches(rng: Generator, width: float) -> list[tuple[AnyArray, AnyArray, float]]:
     """What a row of windows throws on the floor."""
     first, turn = np.array([rng.uniform(0.5, 6), rng.uniform(-0.4, 0.4) * width]), rng.uniform(0, np.pi)
     reach, power = rng.uniform(0.3, 1.2, 2), float(rng.uniform(0.5, 2.5))

@@ -19,12 +19,12 @@ from ffseg.learning.drawn.figures import thing
 from ffseg.learning.drawn.planes import COLONIES, FIELDS, NUCLEI, ORGANS, TISSUE, parted, specks
 from ffseg.learning.drawn.rays import World
 from ffseg.learning.drawn.rooms import corridor, room
-from ffseg.learning.drawn.skins import Array
+from ffseg.learning.drawn.skins import AnyArray
 from ffseg.learning.drawn.streets import street
 from ffseg.metrics import IGNORED, INSIDE
 
 Generator = np.random.Generator
-Picture = tuple[Array, Array]
+Picture = tuple[AnyArray, AnyArray]
 """(H, W, 3) bytes, and the numbers of the things in it that may be asked for, 0 elsewhere, shape (H, W)."""
 
 STARTS = 2
@@ -55,7 +55,7 @@ class PictureKind:
     alike: bool = False
 
 
-def _ground(seen: tuple[Array, Array]) -> Picture:
+def _ground(seen: tuple[AnyArray, AnyArray]) -> Picture:
     return seen[0], cv2.connectedComponents(seen[1].astype(np.uint8), connectivity=4)[1]
 
 
@@ -78,7 +78,7 @@ def _mirror(rng: Generator) -> Picture:
     return _ground(photographed(_clear(scene), camera, rng, road=False))
 
 
-def _behind(rng: Generator) -> Array:
+def _behind(rng: Generator) -> AnyArray:
     return (_indoors(rng) if rng.random() < 0.5 else _street(rng, dusk=False))[0]
 
 
@@ -127,7 +127,7 @@ def sights(name: str, count: int, first: int = 0) -> Iterator[Sight]:
         number += 1
 
 
-def clear_of(scene: World, foot: Array) -> World:
+def clear_of(scene: World, foot: AnyArray) -> World:
     """The scene with nothing where the camera stands, (3,) on the ground."""
     boxes = [box for box in scene.boxes if box.inner or box.distance(foot[None])[0] > CLEAR_OF_CAMERA]
     return replace(scene, boxes=boxes)
@@ -144,7 +144,7 @@ def seen_from_the_middle(scene: World, rng: Generator) -> World:
     return replace(scene, boxes=[replace(walls, foot=foot), *scene.boxes[1:]])
 
 
-def _seen(image: Array, things: Array, rng: Generator, kind: PictureKind) -> Iterator[Sight]:
+def _seen(image: AnyArray, things: AnyArray, rng: Generator, kind: PictureKind) -> Iterator[Sight]:
     depth = _depth(things)
     if depth.max() < LEAST_DEPTH:
         return
@@ -167,7 +167,7 @@ def _seen(image: Array, things: Array, rng: Generator, kind: PictureKind) -> Ite
             yield Sight(image, truth, (float(x), float(y), float(min(0.9 * depth[y, x], rng.uniform(*RADII)))))
 
 
-def _depth(things: Array) -> Array:
+def _depth(things: AnyArray) -> AnyArray:
     """Distance of each pixel of a thing to what is not of it, the border of the picture included."""
     inner = things > 0
     for axis in (0, 1):
@@ -177,13 +177,13 @@ def _depth(things: Array) -> Array:
     return cv2.distanceTransform(np.pad(inner.astype(np.uint8), 1), cv2.DIST_L2, 5)[1:-1, 1:-1]
 
 
-def sheet(count: int) -> Array:
+def sheet(count: int) -> AnyArray:
     """Some of each kind with truth and start, in rows."""
     rows = []
     for kind in KINDS:
         cells = []
         for sight in list(sights(kind, STARTS * count))[::STARTS]:
-            cell: Array = sight.image.copy()
+            cell: AnyArray = sight.image.copy()
             outline = cv2.findContours((sight.truth == INSIDE).astype(np.uint8), cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)[
                 0
             ]

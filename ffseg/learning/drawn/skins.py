@@ -9,12 +9,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[Any]
-Skin = Callable[[Array, Array], Array]
+AnyArray = NDArray[Any]
+Skin = Callable[[AnyArray, AnyArray], AnyArray]
 """From (N, 2) metres on a face and (N,) heights above its foot to (N, 3) albedos, blue first, 0 to about 1."""
 
 
-def noise(rng: np.random.Generator, side: int, waves: list[int], rough: float = 0.5) -> Array:
+def noise(rng: np.random.Generator, side: int, waves: list[int], rough: float = 0.5) -> AnyArray:
     """A periodic picture of smooth noise with mean 0 and deviation 1; ``waves`` are its knots a side, octave by octave."""
     total, share = np.zeros((side, side), np.float32), 1.0
     for knots in waves:
@@ -26,7 +26,7 @@ def noise(rng: np.random.Generator, side: int, waves: list[int], rough: float = 
     return np.asarray((total - total.mean()) / (total.std() + 1e-6))
 
 
-def look_up(texture: Array, place: Array, metres: float) -> Array:
+def look_up(texture: AnyArray, place: AnyArray, metres: float) -> AnyArray:
     """Values of a periodic texture of that size at (N, 2) places, bilinear."""
     side = texture.shape[0]
     at = np.mod(place / metres * side, side)
@@ -39,19 +39,19 @@ def look_up(texture: Array, place: Array, metres: float) -> Array:
     return np.asarray(above * (1 - y) + below * y)
 
 
-def colour(rng: np.random.Generator, light: tuple[float, float] = (0.08, 0.8), saturation: float = 0.25) -> Array:
+def colour(rng: np.random.Generator, light: tuple[float, float] = (0.08, 0.8), saturation: float = 0.25) -> AnyArray:
     """An albedo, mostly grey or brown."""
     hue = rng.choice([rng.uniform(0, 360), rng.normal(32, 12), rng.normal(210, 20)], p=[0.35, 0.5, 0.15]) % 360
     hsv = np.array([[[hue, min(abs(rng.normal(0, saturation)), 1), rng.uniform(*light)]]], np.float32)
     return np.asarray(cv2.cvtColor(hsv, cv2.COLOR_HSV2BGR)[0, 0])
 
 
-def tinted(rng: np.random.Generator, base: Array, gain: tuple[float, float], tint: float) -> Array:
+def tinted(rng: np.random.Generator, base: AnyArray, gain: tuple[float, float], tint: float) -> AnyArray:
     """A colour near another: some gain, and a little of another hue."""
     return np.asarray(base * rng.uniform(*gain) * (1 + rng.normal(0, tint, 3)), np.float32)
 
 
-def plain(rng: np.random.Generator, base: Array | None = None, depth: float | None = None) -> Skin:
+def plain(rng: np.random.Generator, base: AnyArray | None = None, depth: float | None = None) -> Skin:
     """One colour under smooth noise of that depth."""
     tone = colour(rng) if base is None else base
     texture = noise(rng, 256, [int(rng.integers(2, 7)), 16, 64, 128], float(rng.uniform(0.4, 0.9)))
@@ -60,7 +60,7 @@ def plain(rng: np.random.Generator, base: Array | None = None, depth: float | No
     return lambda at, _: tone * (1 + contrast * look_up(texture, at, metres)[:, None] * tint)
 
 
-def tiled(rng: np.random.Generator, base: Array | None = None) -> Skin:
+def tiled(rng: np.random.Generator, base: AnyArray | None = None) -> Skin:
     """Tiles, slabs or bricks with joints, each a little different; sometimes a chequerboard."""
     tone = colour(rng) if base is None else base
     size = rng.uniform(0.2, 1.2) * np.array([1, rng.choice([1, 1, 0.5, 0.25, 3])])
@@ -72,7 +72,7 @@ def tiled(rng: np.random.Generator, base: Array | None = None) -> Skin:
     turn = 0.0 if rng.random() < 0.6 else rng.uniform(0, np.pi)
     axes = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
 
-    def skin(at: Array, _: Array) -> Array:
+    def skin(at: AnyArray, _: AnyArray) -> AnyArray:
         place = at @ axes / size
         if bond:
             place[:, 0] += 0.5 * (np.floor(place[:, 1]) % 2)
@@ -86,13 +86,13 @@ def tiled(rng: np.random.Generator, base: Array | None = None) -> Skin:
     return skin
 
 
-def planked(rng: np.random.Generator, base: Array) -> Skin:
+def planked(rng: np.random.Generator, base: AnyArray) -> Skin:
     """Boards side by side."""
     width, length = rng.uniform(0.07, 0.2), rng.uniform(0.8, 2)
     each = rng.normal(0, rng.uniform(0.02, 0.12), (64, 64)).astype(np.float32)
     grain, rough, along = noise(rng, 256, [16, 64, 128], 0.8), rng.uniform(0.01, 0.08), rng.random() < 0.5
 
-    def skin(at: Array, _: Array) -> Array:
+    def skin(at: AnyArray, _: AnyArray) -> AnyArray:
         place = at if along else at[:, ::-1]
         row = np.floor(place[:, 1] / width).astype(int)
         board = np.floor(place[:, 0] / length + row * 0.37).astype(int)
@@ -111,7 +111,7 @@ def patched(rng: np.random.Generator, cell: tuple[float, float] | None = None) -
     colours = np.stack([colour(rng, (0.05, 0.95), 0.5) for _ in range(256)]).reshape(16, 16, 3)
     filled, rim = rng.random((16, 16)) < rng.uniform(0.2, 1), rng.uniform(0.02, 0.2)
 
-    def skin(at: Array, _: Array) -> Array:
+    def skin(at: AnyArray, _: AnyArray) -> AnyArray:
         place = at / [across, up]
         whole = np.floor(place).astype(int)
         within = ((place - whole > rim) & (place - whole < 1 - rim)).all(axis=1)
@@ -138,7 +138,7 @@ def marked(rng: np.random.Generator, under: Skin) -> Skin:
     tones = [colour(rng, (0.5, 1), 0.5) if kind in ("line", "disc") else colour(rng) for kind in kinds]
     texture = noise(rng, 128, [8, 16, 32], 0.6)
 
-    def skin(at: Array, height: Array) -> Array:
+    def skin(at: AnyArray, height: AnyArray) -> AnyArray:
         found = under(at, height)
         for kind, centre, turn, (width, length, cover), tone in zip(kinds, centres, turns, sizes, tones, strict=True):
             if kind == "stain":
@@ -157,14 +157,14 @@ def marked(rng: np.random.Generator, under: Skin) -> Skin:
     return skin
 
 
-def skirted(rng: np.random.Generator, wall: Skin, ground: Array) -> Skin:
+def skirted(rng: np.random.Generator, wall: Skin, ground: AnyArray) -> Skin:
     """A wall with a skirting board, sometimes a rail and another colour below it."""
     board = rng.uniform(0.04, 0.15)
     board_tone = colour(rng) if rng.random() < 0.6 else ground * rng.uniform(0.5, 1.2)
     rail, rail_width, rail_tone = rng.uniform(0.7, 1.2), rng.uniform(0.03, 0.2), colour(rng, (0.1, 0.9), 0.6)
     has_rail, has_dado, dado = rng.random() < 0.25, rng.random() < 0.2, colour(rng)
 
-    def skin(at: Array, height: Array) -> Array:
+    def skin(at: AnyArray, height: AnyArray) -> AnyArray:
         found = wall(at, height)
         if has_dado:
             found = np.where((height < rail)[:, None], dado, found)
@@ -175,7 +175,7 @@ def skirted(rng: np.random.Generator, wall: Skin, ground: Array) -> Skin:
     return skin
 
 
-def flooring(rng: np.random.Generator) -> tuple[Skin, Array]:
+def flooring(rng: np.random.Generator) -> tuple[Skin, AnyArray]:
     """A floor, and its colour."""
     base = colour(rng, (0.12, 0.8))
     kind = rng.choice(["plain", "tiled", "planked"], p=[0.5, 0.35, 0.15])
@@ -183,7 +183,7 @@ def flooring(rng: np.random.Generator) -> tuple[Skin, Array]:
     return (marked(rng, skin) if rng.random() < 0.4 else skin), base
 
 
-def furniture(rng: np.random.Generator, ground: Array) -> Skin:
+def furniture(rng: np.random.Generator, ground: AnyArray) -> Skin:
     """The surface of some thing that stands on a floor; one in five nearly has the floor's colour."""
     kind = rng.choice(["alike", "plain", "patched", "tiled"], p=[0.2, 0.45, 0.25, 0.1])
     if kind == "alike":

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ffseg.learning.drawn.rays import Box, World
-from ffseg.learning.drawn.skins import Array, Skin, colour, leaves, look_up, noise, patched, plain, tiled, tinted
+from ffseg.learning.drawn.skins import AnyArray, Skin, colour, leaves, look_up, noise, patched, plain, tiled, tinted
 
 Generator = np.random.Generator
 
@@ -38,7 +38,7 @@ def street(rng: Generator, *, dusk: bool = True) -> World:
     )
 
 
-def _sun(rng: Generator) -> Array:
+def _sun(rng: Generator) -> AnyArray:
     turn, up = rng.uniform(0, 2 * np.pi), rng.uniform(0.3, 1.2)
     return np.array([np.cos(turn) * np.cos(up), np.sin(turn) * np.cos(up), np.sin(up)])
 
@@ -49,9 +49,9 @@ class _Paint:
 
     lines: list[tuple[float, float, float]]
     crossings: list[float]
-    letters: Array
+    letters: AnyArray
 
-    def covers(self, at: Array) -> Array:
+    def covers(self, at: AnyArray) -> AnyArray:
         found = np.zeros(len(at), np.bool_)
         for across, half, period in self.lines:
             dashed = np.mod(at[:, 0], 2 * period) < period if period else True
@@ -77,7 +77,7 @@ def _paint(rng: Generator, width: float, aside: float) -> _Paint:
     return _Paint(lines, crossings, rng.uniform(low, high, (int(rng.integers(0, 5)), 4)))
 
 
-def _road(rng: Generator, base: Array, width: float, aside: float) -> Skin:
+def _road(rng: Generator, base: AnyArray, width: float, aside: float) -> Skin:
     """Asphalt with paint, repairs, dirt and the tracks of wheels."""
     asphalt, paint = plain(rng, base, abs(rng.normal(0, 0.06))), _paint(rng, width, aside)
     cover, white = rng.uniform(0.3, 1), colour(rng, (0.75, 1), 0.1 if rng.random() < 0.7 else 0.6)
@@ -86,7 +86,7 @@ def _road(rng: Generator, base: Array, width: float, aside: float) -> Skin:
     repairs = rng.uniform([2, aside - width / 2, 0.2, 0.2], [25, aside + width / 2, 8, 1.5], (count, 4))
     tones = rng.uniform(0.7, 1.25, count)
 
-    def skin(at: Array, height: Array) -> Array:
+    def skin(at: AnyArray, height: AnyArray) -> AnyArray:
         gain = 1 + dirt * look_up(texture, at, 12.0)
         gain = gain * (1 - tracks * np.exp(-(((abs(at[:, 1] - aside) - width / 4) / 0.5) ** 2)))
         for repair, tone in zip(repairs, tones, strict=True):
@@ -98,7 +98,7 @@ def _road(rng: Generator, base: Array, width: float, aside: float) -> Skin:
     return skin
 
 
-def _side(rng: Generator, base: Array, border: float, side: int) -> list[Box]:
+def _side(rng: Generator, base: AnyArray, border: float, side: int) -> list[Box]:
     """Kerb, pavement, what stands on it and what borders it."""
     alike = rng.random() < 0.7
     tone = tinted(rng, base, (0.7, 1.6), 0.05) if alike else colour(rng, (0.2, 0.6), 0.2)
@@ -156,7 +156,7 @@ def _tree(rng: Generator, y: float) -> list[Box]:
     ]
 
 
-def _car(rng: Generator, road: Array, foot: Array) -> list[Box]:
+def _car(rng: Generator, road: AnyArray, foot: AnyArray) -> list[Box]:
     """A car or a van: body, cabin, four wheels; two in five nearly have the road's colour."""
     tone = tinted(rng, road, (0.4, 1.3), 0.05) if rng.random() < 0.4 else colour(rng, (0.03, 0.9), 0.5)
     body, glass = plain(rng, tone, 0.01), plain(rng, colour(rng, (0.02, 0.2), 0.1), 0.05)
