@@ -12,6 +12,9 @@ Image = NDArray[np.uint8]
 Plane = NDArray[np.float32]
 """One value for each pixel."""
 
+Floats = NDArray[np.float32]
+"""Such values in another order: features of pixels in rows, odds of some pixels."""
+
 Array = NDArray[np.float64]
 
 Points = NDArray[np.float64]

@@ -82,11 +82,9 @@ def _trial(scene: Scene) -> ContourResult | None:
         return None
     boundary = Boundary(outcome.contours, scene.edges)
     evolve_ms = (perf_counter() - begin) * 1e3
-    return (
-        ContourResult(scene, outcome, messages, evolve_ms, across, boundary)
-        if boundary.is_clear(_least_met(scene))
-        else None
-    )
+    if not boundary.is_clear(_least_met(scene)):
+        return None
+    return ContourResult(scene, outcome, messages, evolve_ms, across, boundary)
 
 
 def _least_met(scene: Scene) -> float:

@@ -9,7 +9,7 @@ from statistics import mean
 
 import numpy as np
 
-from ffseg.arrays import Mask, Plane
+from ffseg.arrays import Floats, Mask
 from ffseg.evidence.features import KNOWN
 from ffseg.evidence.forest import ARRAYS, Forest, shipped
 
@@ -31,7 +31,7 @@ def base() -> Forest:
     return shipped(BASE, KNOWN)[0].inside
 
 
-def odds_of(forest: Forest, rows: Plane) -> Plane:
+def odds_of(forest: Forest, rows: Floats) -> Floats:
     """Log odds of inside that a forest gives pixels.
 
     Parameters
@@ -45,7 +45,7 @@ def odds_of(forest: Forest, rows: Plane) -> Plane:
     """
     padded = np.zeros((len(forest.features), -(-len(rows) // ROW) * ROW), np.float32)
     padded[:, : len(rows)] = rows[:, [KNOWN.index(name) for name in forest.features]].T
-    found: Plane = forest.log_odds(padded.reshape(len(padded), -1, ROW)).ravel()[: len(rows)]
+    found: Floats = forest.log_odds(padded.reshape(len(padded), -1, ROW)).ravel()[: len(rows)]
     return found
 
 
@@ -54,7 +54,7 @@ def enough_of(masks: int) -> float:
     return float(SERVES + SPREAD / masks**0.5)
 
 
-def mean_overlap(odds: Sequence[Plane], inside: Sequence[Mask]) -> float:
+def mean_overlap(odds: Sequence[Floats], inside: Sequence[Mask]) -> float:
     """Mean over images of the IoU on their pixels."""
     overlaps = []
     for one, known in zip(odds, inside, strict=True):

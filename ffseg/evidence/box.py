@@ -22,7 +22,7 @@ from ffseg.evidence.forest import shipped
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import blurred, odds_edges
 from ffseg.evidence.prior import CERTAIN, SEEN, SMOOTHING
-from ffseg.evidence.surroundings import COLOURS, STRIDE, SURROUNDINGS, surroundings, voted, write_strided
+from ffseg.evidence.surroundings import COLOURS, STRIDE, SURROUNDINGS, strided, surroundings, voted, write_strided
 from ffseg.image.edges import EdgeMap
 from ffseg.image.exposure import normalised_exposure
 from ffseg.image.opencv_peers import grabcut_mask
@@ -221,7 +221,7 @@ def _from_core(seen: Features, core: Image, others_way: Plane, out: Plane) -> No
     out[place] = np.log((length + 1) / (others_way + 1))
     alike, other = np.empty((2, *core.shape), np.float32)
     _core.evidence_likelihood(planes[1:], core, alike)
-    _core.evidence_likelihood(planes[1:], np.ascontiguousarray(seen.inside[::STRIDE, ::STRIDE]), other)
+    _core.evidence_likelihood(planes[1:], strided(seen.inside), other)
     _core.evidence_blur(alike, 1.0 / STRIDE, out[place + 1])
     _core.evidence_blur(alike - other, 1.0 / STRIDE, out[place + 2])
     _core.evidence_blur(alike - other, 3.0 / STRIDE, out[place + 3])

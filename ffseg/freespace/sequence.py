@@ -171,10 +171,8 @@ class Frame:
 
     def __repr__(self) -> str:
         verdicts = Counter(row.verdict for row in self.components)
-        verdict_counts = (
-            ", ".join(f"{count} {verdict}" for verdict, count in sorted(verdicts.items())) or "none enclosed"
-        )
-        return f"<Frame: {np.count_nonzero(self.mask)} px free; components: {verdict_counts}; {self.note}>"
+        counts = ", ".join(f"{count} {verdict}" for verdict, count in sorted(verdicts.items())) or "none enclosed"
+        return f"<Frame: {np.count_nonzero(self.mask)} px free; components: {counts}; {self.note}>"
 
 
 def omnidirectional_parameters(params: Parameters, camera: Camera) -> Parameters:

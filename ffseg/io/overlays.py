@@ -10,7 +10,7 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from ffseg.arrays import Array, Image, Mask
+from ffseg.arrays import Image, Mask, Points
 from ffseg.errors import OutputError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.io.masks import encode_picture, encode_png
@@ -51,7 +51,7 @@ class Polyline:
     kind : {"outer", "obstacle", "false", "untested", "agrees", "differs", "silent"}
     """
 
-    points: Array
+    points: Points
     kind: Kind
 
 

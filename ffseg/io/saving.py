@@ -60,7 +60,7 @@ class ImageInfo:
     label: str = "region"
 
 
-NO_SOURCE = ImageInfo()
+NO_INFO = ImageInfo()
 
 
 def kind_of(path: str, kinds: Sequence[str] = ()) -> str:
@@ -260,7 +260,7 @@ class Savable:
     def _result(self) -> Segmentation:
         return cast("Segmentation", self)
 
-    def _save(self, path: str | os.PathLike[str], kind: str, source: ImageInfo = NO_SOURCE) -> None:
+    def _save(self, path: str | os.PathLike[str], kind: str, source: ImageInfo = NO_INFO) -> None:
         from ffseg.io.files import write_bytes_atomic
 
         text = os.fspath(path)

@@ -176,7 +176,7 @@ def load_starts(path: str | os.PathLike[str], images: Iterable[str], *, partial:
     if not partial:
         _require_rows(names, rows, printable(name), problems)
     problems.raise_as(ParameterError)
-    return {image: rows[named][1] for image, named in names.items() if named}
+    return {image: rows[key][1] for image, key in names.items() if key}
 
 
 def numbered_starts(path: str | os.PathLike[str]) -> Mapping[int, Start]:
@@ -204,7 +204,7 @@ def _require_rows(names: Mapping[str, str], rows: Mapping[str, _Row], name: str,
     """Refuse a file that names no image, and rows of no image that are nearly called like one without a row."""
     used = set(names.values())
     spare = {row: line for row, (line, _) in rows.items() if row not in used}
-    for image in [image for image, named in names.items() if not named][:_MOST_COMPARED]:
+    for image in [image for image, key in names.items() if not key][:_MOST_COMPARED]:
         near = _nearest(image, spare)
         if near or used <= {""}:
             problems.add(name, f"no row for the image {printable(image)!r}{near}; add one, or leave the image out")
@@ -214,18 +214,18 @@ _LAST_NUMBER = re.compile(r"[0-9]{1,18}$")
 
 _Row = tuple[int, Start]
 """Line of the first row, and start."""
-_Said = dict[tuple[Any, ...], float | None]
+_Rows = dict[tuple[Any, ...], float | None]
 """Kind and numbers of the rows of one image; those of `LIMITS` come once, with their value behind."""
 _PLACES = {kind: [PICKED.index(key) for key in keys] for kind, keys in KINDS.items()}
 
 
 def _rows(text: str, name: str, problems: Problems) -> dict[str, _Row]:
     lines: dict[str, int] = {}
-    rows_of_image: dict[str, _Said] = {}
+    rows_by_image: dict[str, _Rows] = {}
     for line, cells in rows_of(text, name, HEADERS, problems):
-        where, named = f"{name}:{line}", len(cells)
-        if named < len(PICKED):
-            cells[1:] = ["start", *cells[1:], *[""] * (len(PICKED) - named - 1)]
+        where, count = f"{name}:{line}", len(cells)
+        if count < len(PICKED):
+            cells[1:] = ["start", *cells[1:], *[""] * (len(PICKED) - count - 1)]
         image, kind = cells[:2]
         if not image:
             problems.add(where, "image: the name is empty; write the image's relative name")
@@ -233,7 +233,7 @@ def _rows(text: str, name: str, problems: Problems) -> dict[str, _Row]:
             problems.add(where, f"kind: {kind[:40]!r} is none of {', '.join(KINDS)}")
             continue
         places = _PLACES[kind]
-        if named == len(PICKED):
+        if count == len(PICKED):
             stray = [key for at, key in enumerate(PICKED[2:], 2) if cells[at] and at not in places]
             if stray:
                 problems.add(where, f"{stray[0]}: a row of the kind {kind} has none; leave it empty")
@@ -241,13 +241,13 @@ def _rows(text: str, name: str, problems: Problems) -> dict[str, _Row]:
         key, value = ((kind,), numbers[0]) if kind in LIMITS else ((kind, *numbers), None)
         if value is not None and not LIMITS[kind][0] <= value <= LIMITS[kind][1]:
             problems.add(where, f"value: a {kind} is from {LIMITS[kind][0]:g} to {LIMITS[kind][1]:g}, not {value:g}")
-        if image not in rows_of_image:
-            rows_of_image[image], lines[image] = {}, line
-        elif key in rows_of_image[image]:
+        if image not in rows_by_image:
+            rows_by_image[image], lines[image] = {}, line
+        elif key in rows_by_image[image]:
             what = "this start already" if kind == "start" else f"a row for this {kind} already"
             problems.add(where, f"{image[:60]!r} has {what}; keep one row of it")
-        rows_of_image[image][key] = value
-    return {image: (lines[image], _start(rows)) for image, rows in rows_of_image.items()}
+        rows_by_image[image][key] = value
+    return {image: (lines[image], _start(rows)) for image, rows in rows_by_image.items()}
 
 
 _RADIUS, _VALUE = PICKED.index("radius"), PICKED.index("value")
@@ -265,11 +265,11 @@ def _number(word: str, at: int, where: str, problems: Problems) -> float | None:
     return value
 
 
-def _start(rows_of_image: _Said) -> Start:
+def _start(rows: _Rows) -> Start:
     """What all rows of one image say together."""
     circles: list[Start] = []
     more: dict[str, Any] = {}
-    for (kind, *numbers), value in rows_of_image.items():
+    for (kind, *numbers), value in rows.items():
         if kind == "start":
             circles.append(Start(*numbers))
         elif kind in LIMITS:
@@ -289,12 +289,12 @@ def _row_of(image: str, rows: Mapping[str, _Row], exact: Collection[str], name: 
 
     The exact names of other images are theirs, as ``b.png`` beside ``b.png.jpg``.
     """
-    named = [key for key in _cells_of(image) if key in rows and (key == image or key not in exact)]
-    if len(named) > 1:
-        first, second = named[:2]
+    keys = [key for key in _cells_of(image) if key in rows and (key == image or key not in exact)]
+    if len(keys) > 1:
+        first, second = keys[:2]
         lines = f"lines {rows[first][0]} ({first[:60]!r}) and {rows[second][0]} ({second[:60]!r})"
         problems.add(name, f"{lines} both name the image {printable(image)!r}; write the same name in both")
-    return named[0] if named else ""
+    return keys[0] if keys else ""
 
 
 def _cells_of(image: str) -> Iterable[str]:

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.arrays import Array, Mask, Plane
+from ffseg.arrays import Array, Floats, Mask, Plane
 from ffseg.evidence import base, box, hints, prior
 from ffseg.evidence.clicks import HALF, Click, ClickedImage, first_state, next_state
 from ffseg.evidence.features import NAMES, PLACE, WORKING_SIZE, features
@@ -86,7 +86,7 @@ SAME_EVERYWHERE = {
 class Samples:
     """Pixels of one look: rows of what a forest sees, which lie inside, and how much each counts."""
 
-    rows: Plane
+    rows: Floats
     inside: Mask
     weights: Array
 
@@ -142,10 +142,10 @@ def for_base(seen: Sight, rng: np.random.Generator) -> Samples:
     return sampled(planes, known_pixels(seen.truth, found.factor), rng)
 
 
-def hint_samples(kind: str, count: int, clicked: bytes) -> list[Samples]:
+def hint_samples(kind: str, count: int, model_file: bytes) -> list[Samples]:
     """What the hints learn from clicks in pictures that the prior, whose file this is, has not learned from."""
     single_thread()
-    model = from_bytes(clicked, prior.FEATURE_NAMES)
+    model = from_bytes(model_file, prior.FEATURE_NAMES)
     ask, found = (model, model.inside.compiled()), []
     for number, seen in enumerate(sights(kind, count, OTHERS)):
         rng = np.random.default_rng([*kind.encode(), number, 2])

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.arrays import Image, Indices, Mask, Plane
+from ffseg.arrays import Floats, Image, Indices, Mask
 from ffseg.errors import UsageError
 from ffseg.evidence.base import base, enough_of, joined, mean_overlap, odds_of
 from ffseg.evidence.features import KNOWN, NAMES, PLACE, TEXTURE, WORKING_SIZE, features, reduced_mean, reduction
@@ -123,9 +123,9 @@ class Samples:
         Log odds that the prior gives; None where it was not asked.
     """
 
-    rows: Plane
+    rows: Floats
     inside: Mask
-    prior: Plane | None = None
+    prior: Floats | None = None
 
 
 def samples(example: Example) -> Samples:
@@ -213,7 +213,7 @@ def known_of_some(truth: Image, factor: int) -> NDArray[np.int8]:
     )
 
 
-def mirrored(rows: Plane) -> Plane:
+def mirrored(rows: Floats) -> Floats:
     """The same pixels of the image in a mirror: what changes is their place."""
     found = rows.copy()
     found[:, NAMES.index("x")] = 1 - rows[:, NAMES.index("x")]
@@ -222,7 +222,10 @@ def mirrored(rows: Plane) -> Plane:
 
 
 def grow(
-    chosen: Sequence[Samples], names: tuple[str, ...] = TAUGHT, trees: int = TREES, begin: Sequence[Plane] | None = None
+    chosen: Sequence[Samples],
+    names: tuple[str, ...] = TAUGHT,
+    trees: int = TREES,
+    begin: Sequence[Floats] | None = None,
 ) -> Forest:
     """Grow a forest; every image counts alike. It adds to the log odds that `begin` names for each image, if given.
 
@@ -248,7 +251,7 @@ def grow(
 
 
 def _boosted(
-    chosen: Sequence[Samples], names: tuple[str, ...], trees: int, rate: float, begin: Sequence[Plane] | None = None
+    chosen: Sequence[Samples], names: tuple[str, ...], trees: int, rate: float, begin: Sequence[Floats] | None = None
 ) -> list[dict[str, Any]]:
     """LightGBM's trees; `names` begin as ``TAUGHT`` does, or are converted with themselves."""
     require(*LIGHTGBM)
@@ -292,7 +295,7 @@ class BaseChoice:
     taught: float | None
 
 
-def choose_base(chosen: Sequence[Samples], odds: Sequence[Plane]) -> BaseChoice:
+def choose_base(chosen: Sequence[Samples], odds: Sequence[Floats]) -> BaseChoice:
     """Whether the base, which gives these log odds, is corrected: where it serves, or the masks teach each other less.
 
     Notes
@@ -404,7 +407,7 @@ def _left_out_overlap(chosen: Sequence[Samples]) -> float:
 
 
 @lru_cache(maxsize=1)  # of masks that leave the base aside both decisions ask
-def _left_out_odds(chosen: tuple[Samples, ...], *, corrected: bool) -> list[Plane]:
+def _left_out_odds(chosen: tuple[Samples, ...], *, corrected: bool) -> list[Floats]:
     """Log odds of some pixels of each image, of a small forest grown on the others alone, or correcting the base."""
     thin = [Samples(one.rows[::THIN], one.inside[::THIN]) for one in chosen]
     begin = [odds_of(base(), one.rows) for one in thin] if corrected else None

@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from ffseg.arrays import Array, Image
+from ffseg.arrays import Image, Points
 from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.checked import require_size
@@ -150,7 +150,7 @@ def _from_mask(mask: Image, shape: tuple[int, int], params: Parameters, domain: 
     return contours
 
 
-def _along(polygon: Array, params: Parameters) -> FreeForm:
+def _along(polygon: Points, params: Parameters) -> FreeForm:
     """A polygon as patches with corners kept: straight patches no longer than half the split threshold."""
     degree, longest = params.contour.degree, params.contour.split_threshold / 2
     points = []

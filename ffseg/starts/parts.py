@@ -8,6 +8,7 @@ import numpy as np
 
 from ffseg.arrays import Mask
 from ffseg.geometry.freeform import FreeForm
+from ffseg.image.parts import connected_parts
 from ffseg.image.raster import rasterize
 from ffseg.scene import Scene
 from ffseg.starts.initial import circle_start
@@ -18,7 +19,6 @@ def starts_in_parts(scene: Scene) -> Scene:
     stays, params = scene.edges.kept, scene.params
     if stays is None or _one_contour(scene):
         return scene
-    from ffseg.image.parts import connected_parts
     from ffseg.starts.pockets import LEAST_PIXELS, depths, discs
 
     if scene.domain is not None:
@@ -37,7 +37,6 @@ def start_core(scene: Scene) -> Mask:
     region = scene.start_region()
     if scene.params.contour.balloon >= 0 or not region.any():
         return region
-    from ffseg.image.parts import connected_parts
     from ffseg.starts.pockets import depths, discs
 
     components = connected_parts(region)
