@@ -14,11 +14,11 @@ from ffseg.errors import ParameterError, SegmentationError
 from ffseg.image.checked import Pixels, refuse_masked, taken_image
 from ffseg.image.edges import EdgeMap, require_edges
 from ffseg.io.masks import load_mask
-from ffseg.parameters import FARTHEST, ParametersLike, parameter_set
+from ffseg.parameters import MAX_COORDINATE, ParametersLike, parameter_set
 from ffseg.result import Segmentation
 from ffseg.scene import NO_EDGES, Progress, Scene, Segmenter
 
-WIDEST = 10_000
+MAX_INTEREST_RADIUS = 10_000
 """Pixels: the largest radius round a matched interest point."""
 
 
@@ -143,10 +143,13 @@ def _check_extras(image: NDArray[np.uint8], edges: object, center: object, altit
         raise SegmentationError("altitudes must be an array of shape (K, 4): x, y, altitude in metres, radius")
     places, radii = rows[:, :2], rows[:, 3]
     if not (
-        np.isfinite(rows).all() and (np.abs(places) <= FARTHEST).all() and ((radii >= 0) & (radii <= WIDEST)).all()
+        np.isfinite(rows).all()
+        and (np.abs(places) <= MAX_COORDINATE).all()
+        and ((radii >= 0) & (radii <= MAX_INTEREST_RADIUS)).all()
     ):
         raise SegmentationError(
-            f"altitudes must be finite, with x and y from -{FARTHEST} to {FARTHEST} and radii from 0 to {WIDEST} pixels"
+            f"altitudes must be finite, with x and y from -{MAX_COORDINATE} to {MAX_COORDINATE} "
+            f"and radii from 0 to {MAX_INTEREST_RADIUS} pixels"
         )
 
 

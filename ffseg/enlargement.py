@@ -11,7 +11,7 @@ from ffseg.arrays import Image
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.magnified import magnification
 from ffseg.image.resized import resized
-from ffseg.parameters import LEAST_START, Init, Parameters, Seed
+from ffseg.parameters import MIN_START_RADIUS, Init, Parameters, Seed
 from ffseg.scene import Scene
 
 
@@ -26,10 +26,10 @@ def before_enlargement(scene: Scene) -> Scene:
         scene.edges_given or scene.evidence is not None or scene.footprint is not None or len(scene.altitudes) > 0
     )
     as_printed = scene.method is not None and bool(scene.method.source)
-    if at_its_size or as_printed or params.edges.model is not None or _lengths(params) != DEFAULTS:
+    if at_its_size or as_printed or params.edges.model is not None or _lengths(params) != DEFAULT_LENGTHS:
         return scene
     smallest = min((abs(start.signed_area) for start in scene.starts), default=0.0)
-    factor, image = magnification(scene.image, sqrt(smallest / pi) / LEAST_START)
+    factor, image = magnification(scene.image, sqrt(smallest / pi) / MIN_START_RADIUS)
     return scene if factor == 1 else _reduced(scene, factor, image)
 
 
@@ -92,5 +92,5 @@ def _lengths(params: Parameters) -> tuple[object, ...]:
     return (*own, edges.sigma, edges.canny, edges.highlights, params.snake, params.levelset)
 
 
-DEFAULTS = _lengths(Parameters())
+DEFAULT_LENGTHS = _lengths(Parameters())
 """Lengths in pixels as they are where nobody has named any: only these may be taken for those of a smaller picture."""

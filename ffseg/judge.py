@@ -12,27 +12,28 @@ from ffseg.contour import ContourResult
 from ffseg.evidence.surroundings import STRIDE, strided
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import packed_joints
-from ffseg.image.boundary import MARGIN, Boundary
+from ffseg.image.boundary import BORDER_MARGIN, Boundary
 from ffseg.native import _core
 from ffseg.scene import Scene
 
-FILLED = 0.9
-"""Part of the domain from which on a region is doubted: of what is left over, nobody can tell that it lies outside."""
+FILLED_FRACTION = 0.9
+"""A region that covers more than this fraction of the domain is doubted: too little is left to show that anything lies
+outside."""
 
-ROUND = 0.7
-"""Part of the outer outline on the border of the image or the domain from which on a region is doubted. A floor that fills
-the lower half of a picture has 0.6."""
+BORDER_FRACTION = 0.7
+"""A region is doubted if more than this fraction of its outer outline lies on the border of the image or the domain. A
+floor that fills the lower half of an image has 0.6."""
 
-EARLY = ("max_iterations", "budget", "max_patches", "max_points")
+EARLY_STOPS = ("max_iterations", "budget", "max_patches", "max_points")
 """Reasons to stop before the contour has come to rest."""
 
-ACROSS = 0.5
-"""Score at most of a region whose start lies on both sides of an edge: either may be meant."""
+MAX_SCORE_ACROSS = 0.5
+"""Largest score of a region whose start lies on both sides of an edge: either side may be meant."""
 
 
-HOPE = 3.25
-"""Odds of an overlap that the prior expects, over those of the IoU there is: fitted by logistic regression, of slope 1.00, to 127
-drawings that it has not learned from, a dozen of each kind (``python -m tests.campaigns.scoring``)."""
+OVERLAP_ODDS_RATIO = 3.25
+"""Odds of the overlap that the prior expects, over the odds of the true IoU: fitted by logistic regression (slope 1.00)
+to 127 drawings that it has not learned from, a dozen of each kind (``python -m tests.campaigns.scoring``)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +77,7 @@ def judge_region(
 
 def calibrated(overlap: float) -> float:
     """The IoU that results have in the mean of which the prior expects so much overlap."""
-    return overlap / (overlap + HOPE * (1 - overlap))
+    return overlap / (overlap + OVERLAP_ODDS_RATIO * (1 - overlap))
 
 
 def expected_overlap(odds: Plane, mask: Mask) -> float:
@@ -106,26 +107,28 @@ def _doubts(found: ContourResult, contours: tuple[FreeForm, ...], mask: Mask, do
     if area == 0:
         yield Doubt("empty", 0.0, "the region is empty")
         return
-    if area >= FILLED * room:
-        most = max(0.0, 1 - area / room) / (2 * (1 - FILLED))
+    if area >= FILLED_FRACTION * room:
+        most = max(0.0, 1 - area / room) / (2 * (1 - FILLED_FRACTION))
         full = _percent(min(area / room, 1.0))  # settling, it may pass the limit by some pixels
         yield Doubt("filled", most, f"the region fills {full} of the {where}: nothing shows where it ends")
-    elif (share := border_share(contours, mask.shape, domain)) >= ROUND:
-        most = (1 - share) / (2 * (1 - ROUND))
+    elif (share := border_share(contours, mask.shape, domain)) >= BORDER_FRACTION:
+        most = (1 - share) / (2 * (1 - BORDER_FRACTION))
         yield Doubt("border", most, f"{_percent(share)} of the region's outline is the border of the {where}")
     stats = found.outcome.stats
-    if stats.stop_reason in EARLY:
+    if stats.stop_reason in EARLY_STOPS:
         yield Doubt(
-            "early", ACROSS, f"the contour was stopped after {stats.iterations} iterations ({stats.stop_reason})"
+            "early",
+            MAX_SCORE_ACROSS,
+            f"the contour was stopped after {stats.iterations} iterations ({stats.stop_reason})",
         )
     if found.across:
-        yield Doubt("start", ACROSS, "")
+        yield Doubt("start", MAX_SCORE_ACROSS, "")
 
 
 def border_share(contours: tuple[FreeForm, ...], shape: tuple[int, ...], domain: Image | None) -> float:
-    """Part of the outer contours' length, from joint to joint, within `MARGIN` px of the border of the image or the domain."""
+    """Fraction of the outer contours' length within `BORDER_MARGIN` px of the border of the image or the domain."""
     outer = packed_joints([contour for contour in contours if contour.signed_area > 0])
-    return _core.share_within(*outer, (shape[0], shape[1]), domain, MARGIN)
+    return _core.share_within(*outer, (shape[0], shape[1]), domain, BORDER_MARGIN)
 
 
 def _percent(share: float) -> str:

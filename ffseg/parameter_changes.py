@@ -8,7 +8,7 @@ from ffseg.parameter_text import yaml_value
 from ffseg.parameters import Parameters
 from ffseg.schema.sections import leaves
 
-THEN: dict[str, object] = {
+OLD_DEFAULTS: dict[str, object] = {
     "method": "freeform",
     "contour.degree": 3,
     "contour.patches": 13,
@@ -39,10 +39,12 @@ THEN: dict[str, object] = {
     "levelset.min_area": 8.0,
 }
 """Keys of 0.1.0 with their defaults, as its ``configs/default.yaml`` had them once all three methods were in it."""
-UNSAID: dict[str, object] = {"edges.source": "gradient", "domain.disc": "off", "input.range": (0.0, 65535.0)}
+ADDED_KEYS: dict[str, object] = {"edges.source": "gradient", "domain.disc": "off", "input.range": (0.0, 65535.0)}
 """Keys that 0.1 did not have, where the default does something else than 0.1 did."""
 
-OTHERWISE = {"init.boxes": "the objects inside them, and where the contour may go; to start only, write init.circles"}
+CHANGED_KEYS = {
+    "init.boxes": "the objects inside them, and where the contour may go; to start only, write init.circles"
+}
 """Keys of 0.1 that mean something else now, and what."""
 
 
@@ -54,9 +56,9 @@ def since_0_1(written: Collection[str]) -> list[str]:
     written : collection of str
         The dotted keys that the file gives. One that 0.1 did not have makes it a newer file, which needs nothing.
     """
-    if not set(written) <= THEN.keys():
+    if not set(written) <= OLD_DEFAULTS.keys():
         return []
     now = {key: leaf.default for key, leaf in leaves(Parameters).items()}
-    changed = {key: was for key, was in (THEN | UNSAID).items() if key not in written and now[key] != was}
+    changed = {key: was for key, was in (OLD_DEFAULTS | ADDED_KEYS).items() if key not in written and now[key] != was}
     lines = [f"{key}: {yaml_value(was)}  # {yaml_value(now[key])} now" for key, was in changed.items()]
-    return lines + [f"# {key} means now: {text}" for key, text in OTHERWISE.items() if key in written]
+    return lines + [f"# {key} means now: {text}" for key, text in CHANGED_KEYS.items() if key in written]

@@ -22,20 +22,20 @@ Circle = tuple[float, float, float]
 Box = tuple[float, float, float, float]
 Seed = tuple[float, float] | tuple[float, float, float]
 
-FARTHEST = 100_000
-"""Pixels: no image has a longer side, and a start of this size can still be cut into patches."""
-START_SHARE, LEAST_START = 1 / 15, 2.0
-"""Radius of the start circle as a part of the image's shorter side: the 40 px in 600 of the paper's images. And px, below
-which a circle of patches has no sample that can move before it meets itself."""
-STILL = "contour.balloon: 0 moves no free-form contour; write a number above 0 to grow, below 0 to close in"
+MAX_COORDINATE = 100_000
+"""Pixels. No image has a longer side, and a start of this size can still be cut into patches."""
+START_RADIUS_FRACTION, MIN_START_RADIUS = 1 / 15, 2.0
+"""Default radius of the start circle, as a fraction of the image's shorter side (the paper's images: 40 px of 600), and
+the smallest radius, px: a smaller circle of patches crosses itself before any sample can move."""
+ZERO_BALLOON = "contour.balloon: 0 moves no free-form contour; write a number above 0 to grow, below 0 to close in"
 _POSITIVE = Number(0, above=True)
-_PLACE, _RADIUS = Number(-FARTHEST, FARTHEST), Number(0, FARTHEST, above=True)
+_PLACE, _RADIUS = Number(-MAX_COORDINATE, MAX_COORDINATE), Number(0, MAX_COORDINATE, above=True)
 _POINT = Row(("x", "y"), (_PLACE, _PLACE))
 _CIRCLE = Row(("x", "y", "radius"), (_PLACE, _PLACE, _RADIUS))
 _SEED = Row(("x", "y", "radius"), (_PLACE, _PLACE, _RADIUS), fewest=2)
 _BOX = Row(("left", "top", "right", "bottom"), (_PLACE,) * 4)
 _THRESHOLDS = Row(("low", "high"), (Number(0, 10_000),) * 2, "ascending")  # no magnitude of 8-bit grey exceeds 1443
-_MOST_STARTS = 1000
+_MAX_STARTS = 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,19 +118,19 @@ class Init(Section):
         OrWord("auto", _RADIUS),
         "px, radius of the start circle; auto = a fifteenth of the image's shorter side",
     )
-    circles: tuple[Circle, ...] = declared((), Many(_CIRCLE, _MOST_STARTS), "start circles instead of center, radius")
+    circles: tuple[Circle, ...] = declared((), Many(_CIRCLE, _MAX_STARTS), "start circles instead of center, radius")
     boxes: tuple[Box, ...] = declared(
-        (), Many(_BOX, _MOST_STARTS), "boxes round objects: what lies outside all is background"
+        (), Many(_BOX, _MAX_STARTS), "boxes round objects: what lies outside all is background"
     )
     mask: str | None = declared(None, FilePath(), "image whose outlines are the start contours")
     background: tuple[Seed, ...] = declared(
-        (), Many(_SEED, _MOST_STARTS), "points and circles outside the region: the contour stops where it meets them"
+        (), Many(_SEED, _MAX_STARTS), "points and circles outside the region: the contour stops where it meets them"
     )
     background_mask: str | None = declared(None, FilePath(), "image that is nonzero at what lies outside the region")
 
     def radius_in(self, shape: tuple[int, ...]) -> float:
         """Radius of the start circle in an image of shape (H, W, ...), px."""
-        return max(START_SHARE * min(shape[:2]), LEAST_START) if self.radius == "auto" else self.radius
+        return max(START_RADIUS_FRACTION * min(shape[:2]), MIN_START_RADIUS) if self.radius == "auto" else self.radius
 
 
 @dataclass(frozen=True, slots=True)

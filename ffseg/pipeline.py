@@ -27,7 +27,7 @@ from ffseg.scene import Scene, check_sides
 from ffseg.starts.initial import box_domain, check_background, start_contours
 from ffseg.starts.moved import as_circle
 
-SETTLED = 2
+SETTLING_TOLERANCE = 2
 """Pixels by which a contour that settles on edges may pass the limit of the domain."""
 
 
@@ -180,7 +180,7 @@ def _begins_outside(scene: Scene, mask: Mask) -> bool:
     """Whether what closes in has something outside the domain, where it may begin and not move."""
     if scene.params.contour.balloon > 0 or scene.domain is None:
         return False
-    return bool(mask[distances(scene.domain == 0) > SETTLED].any())
+    return bool(mask[distances(scene.domain == 0) > SETTLING_TOLERANCE].any())
 
 
 def outlines_of(mask: Mask) -> tuple[FreeForm, ...]:

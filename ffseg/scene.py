@@ -234,13 +234,13 @@ class Segmenter(Protocol):
         """Return what is found in one image."""
 
 
-LONGEST_SIDE = 65_535
+MAX_SIDE = 65_535
 """Pixels; the native core keeps places as 16-bit numbers."""
-LONGEST_MARCH = 32_767
+MAX_MARCHING_SIDE = 32_767
 """Pixels; the level set and the snake need one bit more."""
 
 
-def check_sides(shape: tuple[int, ...], most: int = LONGEST_SIDE, method: str = "ffseg") -> None:
+def check_sides(shape: tuple[int, ...], most: int = MAX_SIDE, method: str = "ffseg") -> None:
     """Refuse an image with a side longer than a method takes.
 
     Raises

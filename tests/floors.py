@@ -5,7 +5,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from ffseg.rendering.pairs import WIDEST_TURN, PlanarPose, RenderedPair, RenderedSequence, random_poses, sample_camera
+from ffseg.rendering.pairs import MAX_TURN, PlanarPose, RenderedPair, RenderedSequence, random_poses, sample_camera
 from ffseg.rendering.raycast import render
 from ffseg.rendering.scene import Floor, MarkKind, World, random_scene
 
@@ -31,7 +31,7 @@ def floor_pair(seed: int, kind: FloorKind, texture: float, noise: float) -> Rend
     """
     camera = sample_camera()
     random = np.random.default_rng([seed, 11])
-    poses = random_poses(random, QUARTER if kind == "turning" else WIDEST_TURN)
+    poses = random_poses(random, QUARTER if kind == "turning" else MAX_TURN)
     scene = _scene(seed, kind, np.array(poses[0][:2]), random)
     scene = replace(scene, floor=_floor(random, kind, texture, noise))
     if kind == "alike":

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from ffseg.evidence.features import NAMES
+from ffseg.evidence.features import DEFAULT_FEATURES
 from ffseg.evidence.forest import Forest
 
 
-def stump(name: str, threshold: float, above: float = 2.0, names: tuple[str, ...] = NAMES) -> Forest:
+def stump(name: str, threshold: float, above: float = 2.0, names: tuple[str, ...] = DEFAULT_FEATURES) -> Forest:
     """Log odds of `above` where a feature is above the threshold, the opposite elsewhere, and 0.25 everywhere."""
     kinds = {"feature": [names.index(name)], "left": [-1], "right": [-2], "root": [0]}
     arrays = {key: np.array(value, np.int32) for key, value in kinds.items()}

@@ -26,7 +26,7 @@ from ffseg.io.exports import from_run_lengths
 from ffseg.io.files import make_folder, printable, write_all_atomic
 from ffseg.io.masks import decode_mask
 
-REFUTED = 2
+MAX_REFUTED = 2
 """Frames in a row whose poses the ground contradicts, after which the last of a drive is not believed either."""
 _NAMED = 1000
 """Frames that are not in the map and are named in ``run.json``; their number is always given."""
@@ -145,7 +145,7 @@ def drive_of(records: Iterable[Record], out: str, views: CameraSetup) -> Drive:
     drive = Drive(frames=len(known), posed=bool(views.poses))
     for name in in_time(known.values()):
         drive.take(known[name], out, views)
-    drive.settle(wrong=drive.refuted >= REFUTED)
+    drive.settle(wrong=drive.refuted >= MAX_REFUTED)
     drive.ways = drive.grid.skeleton(views.camera.footprint)
     return drive
 

@@ -23,7 +23,7 @@ from ffseg.batch.workers.messages import Setup
 from ffseg.errors import FfsegError, OutputError
 from ffseg.io.files import printable, remove_files, sync_folders
 
-_TOLD_FRAMES = 200
+_MIN_TOLD_FRAMES = 200
 """Frames whose map takes seconds, some 25 ms each: that is said."""
 
 
@@ -96,7 +96,7 @@ class Ending:
             return (*MAP_FILES, MAP_BAG) if self.stop.signal else ()
         from ffseg.batch.drive import drive_of
 
-        if found.count >= _TOLD_FRAMES:
+        if found.count >= _MIN_TOLD_FRAMES:
             self.ledger.note(f"{found.count} frames are being fused into map/")
         drive = drive_of(found.records(), plan.out, views)
         self.ledger.summary.drive = drive.figures()

@@ -64,13 +64,13 @@ class Record:
 
 _TEXTS = ("name", "status", "version", "settings", "content", "truth", "order")
 _FIELDS = (*_TEXTS, "outputs", "row", "extra", "files", "left")
-_SELDOM = ("members", "stale")
+_OPTIONAL_FIELDS = ("members", "stale")
 
 
 def record_line(record: Record) -> bytes:
     """A record as one line."""
     value = {name: getattr(record, name) for name in _FIELDS}  # asdict would copy every cell first
-    return json_line(value | {name: seldom for name in _SELDOM if (seldom := getattr(record, name))})
+    return json_line(value | {name: seldom for name in _OPTIONAL_FIELDS if (seldom := getattr(record, name))})
 
 
 def json_line(value: Mapping[str, Any]) -> bytes:
@@ -92,7 +92,7 @@ def parsed_line(line: bytes) -> dict[str, Any] | None:
 def parsed_record(line: bytes) -> Record | None:
     """Record of a line; None when it is none, or one of another shape."""
     value = parsed_line(line)
-    if value is None or value.keys() - {*_SELDOM} != set(_FIELDS):
+    if value is None or value.keys() - {*_OPTIONAL_FIELDS} != set(_FIELDS):
         return None
     if not all(isinstance(value.get(name, ""), str) for name in (*_TEXTS, "stale")):
         return None

@@ -18,7 +18,7 @@ STRIP = 128
 NOISE = 3.0
 """Grey levels, standard deviation."""
 
-LONG = 1_000_000
+MAX_ITERATIONS = 1_000_000
 """Iterations: a large image takes as many as it needs."""
 
 Shapes = tuple[Array, Array, Array]

@@ -14,7 +14,7 @@ import numpy as np
 
 from ffseg.arrays import Image, Mask
 from ffseg.batch.workers.pictures import read_truth
-from ffseg.bench.drawing import LONG, draw
+from ffseg.bench.drawing import MAX_ITERATIONS, draw
 from ffseg.bench.measure import Fact, Schedule, Skipped, Task, TaskGroup, timed
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.geometry.freeform import FreeForm
@@ -45,7 +45,7 @@ PATCHES = 10
 WARM_UP, ITERATIONS = 1, 3
 """Iterations before the clock starts, the first of which sorts the patches and fills the lists, and those timed: circles
 that touch meet in the first of them, and have merged on all sides after the last."""
-LEAST_WORK = 1000
+MIN_WORK = 1000
 """Patches moved in one sample at least, by as many evolutions as that takes: the clock must not show."""
 CASES = {"still": (2.5, False), "filtered": (2.5, True), "merging": (0.75, True)}
 """Space between the circles, in the way the front goes meanwhile (twice that closes it), and whether topology changes
@@ -174,7 +174,7 @@ def _own(order: Schedule) -> Iterator[Picture]:
 
 def _drawn(seed: int, width: int, name: str = "scene") -> Picture:
     drawing = draw(seed, width, width * 3 // 4)
-    params = load_params(None, {"init.radius": drawing.start_radius, "contour.max_iterations": LONG})
+    params = load_params(None, {"init.radius": drawing.start_radius, "contour.max_iterations": MAX_ITERATIONS})
     return Picture(name, drawing.image, None, params)
 
 
@@ -220,7 +220,7 @@ def _iterations(case: str, count: int) -> Task:
     places = np.stack(np.divmod(np.arange(circles), columns)[::-1], axis=1) * spacing + margin
     points = np.ascontiguousarray((places[:, None, :] + circle[None]).reshape(-1, 2))
     side = int(np.ceil((columns - 1) * spacing + 2 * margin))
-    empty, copies = np.zeros((side, side), np.uint8), max(1, LEAST_WORK // count)
+    empty, copies = np.zeros((side, side), np.uint8), max(1, MIN_WORK // count)
 
     def advance(evolutions: list[_core.Evolution], iterations: int) -> None:
         for evolution in evolutions:

@@ -29,7 +29,7 @@ NUM_SHARDED, QUICK_SHARDED = 4000, 4
 """So many that two Dask workers get chunks of 500, and that the two parts, drawn by name, differ by a hundredth."""
 EMPTY_PROGRAM = "import typer\napp = typer.Typer()\n@app.command()\ndef main() -> None:\n    pass\napp()\n"
 IMPORTS = "import typer, numpy, cv2, yaml"
-FEW = 3
+FEW_ROUNDS = 3
 """Rounds for memory and batches: memory hardly varies, and a batch is many images already."""
 _WATCH = (
     "import resource, subprocess, sys; code = subprocess.call([sys.executable, *sys.argv[1:]]); "
@@ -77,7 +77,9 @@ def batch(order: Schedule, work: Path) -> Iterator[TaskGroup]:
         tasks.append(Task(f"jobs, {jobs}", "image", timer, x=jobs))
         if jobs > 1:
             comparisons.append((f"rate of --jobs {jobs} in rates of --jobs 1", "jobs, 1", f"jobs, {jobs}"))
-    yield TaskGroup("batch", "images", draw(1).image, tasks, {"images": count, "cores": cores()}, comparisons, FEW)
+    yield TaskGroup(
+        "batch", "images", draw(1).image, tasks, {"images": count, "cores": cores()}, comparisons, FEW_ROUNDS
+    )
 
 
 def memory(order: Schedule, work: Path) -> Iterator[TaskGroup | Skipped]:
@@ -96,7 +98,7 @@ def memory(order: Schedule, work: Path) -> Iterator[TaskGroup | Skipped]:
         batches.append(Task(f"batch, {length}", "peak", timer, length, "MB"))
     for name, tasks in (("one image", sizes), ("batches", batches)):
         title = f"memory of {tasks[-1].case} over {tasks[0].case}"
-        yield TaskGroup("memory", name, draw(1).image, tasks, {}, [(title, tasks[-1].case, tasks[0].case)], FEW)
+        yield TaskGroup("memory", name, draw(1).image, tasks, {}, [(title, tasks[-1].case, tasks[0].case)], FEW_ROUNDS)
 
 
 def shards(order: Schedule, work: Path) -> Iterator[TaskGroup]:
@@ -114,7 +116,7 @@ def shards(order: Schedule, work: Path) -> Iterator[TaskGroup]:
         titles["dask, 2 workers"] = "rate of Dask, its start included, in rates of --jobs 2"
     comparisons = [(title, "jobs, 2", case) for case, title in titles.items()]
     tasks = [Task(name, "image", timed_child(command, count)) for name, command in whole.items()]
-    yield TaskGroup("shards", "images", draw(1).image, tasks, {"images": count}, comparisons, FEW)
+    yield TaskGroup("shards", "images", draw(1).image, tasks, {"images": count}, comparisons, FEW_ROUNDS)
 
 
 def write_images(folder: Path, count: int, *, quick: bool) -> Path:

@@ -27,7 +27,7 @@ MOUNTING = ("mount_height", "robot_radius", "rim_radius", "footprint", "mirrored
 _NO_XI = "model fisheye has none; leave it out, or name model omnidir"
 _FOCAL = Number(0, 1e6, above=True)
 _PIXEL = Number(-1e6, 1e6)
-_HIGHEST = 150
+_MAX_HEIGHT = 150
 """Metres: more than a drone may fly (120 m in the EU), less than a mast is in millimetres."""
 _COEFFICIENT = Number(-1e6, 1e6)
 _FOUR = Row(("k1", "k2", "p1 or k3", "p2 or k4"), (_COEFFICIENT,) * 4)
@@ -53,7 +53,7 @@ class CameraFile(Section):
         (), Many(_THREE, 3, distinct=False), "camera matrix instead of fx, fy, cx, cy, skew"
     )
     D: tuple[float, ...] = declared((0.0,) * 4, _FOUR, "another name of distortion")
-    mount_height: float = declared(1.0, Number(0, _HIGHEST, above=True), "metres above the ground, not millimetres")
+    mount_height: float = declared(1.0, Number(0, _MAX_HEIGHT, above=True), "metres above the ground, not millimetres")
     up: tuple[float, ...] = declared((0.0, 0.0, -1.0), _THREE, "unit vector to the sky")
     robot_radius: float = declared(0.0, Number(0, MAX_SIDE), "disc in which the camera sees itself, px")
     rim_radius: float = declared(1.0, Number(0, MAX_SIDE, above=True), "end of the scene, px")

@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
 RADIUS_CELLS = 8
 """Cells of the plane that the footprint's radius is long: a passage is measured to an eighth of it."""
-MOST_CELLS = 2048
+MAX_CELLS = 2048
 """Side of the plane: 128 radii to each side of the camera. What lies beyond is not shut, however narrow."""
-BEYOND = -2
+OUTSIDE_PLANE = -2
 """Stands for a cell of ground beyond the plane."""
 
 
@@ -27,7 +27,7 @@ class Footprint:
     Attributes
     ----------
     cells : ndarray of int32, shape (H, W)
-        Cell of the plane that each pixel's centre shows, ``row << 16 | column``; `BEYOND` where that lies beyond the
+        Cell of the plane that each pixel's centre shows, ``row << 16 | column``; `OUTSIDE_PLANE` where that lies beyond the
         plane, -1 where it shows no ground, or the robot itself.
     diameter : float
         Of the disc, in cells.
@@ -64,13 +64,15 @@ def footprint_of(camera: Camera, radius: float, own: float) -> Footprint:
         When the camera file has no mount_height.
     """
     ground = camera.ground()
-    cells = np.rint(ground * (RADIUS_CELLS / radius)) + MOST_CELLS // 2
+    cells = np.rint(ground * (RADIUS_CELLS / radius)) + MAX_CELLS // 2
     with np.errstate(invalid="ignore"):
-        shown = ((cells >= 0) & (cells < MOST_CELLS)).all(axis=-1)
+        shown = ((cells >= 0) & (cells < MAX_CELLS)).all(axis=-1)
     beyond = ~shown & np.isfinite(ground).all(axis=-1)
     x, y = np.arange(camera.width) - camera.center[0], np.arange(camera.height) - camera.center[1]
     shown &= x**2 + (y**2)[:, None] > own**2
     column, row = np.where(shown[..., None], cells, 0.0).astype(np.int32).transpose(2, 0, 1)
-    packed = np.ascontiguousarray(np.where(shown, row << 16 | column, np.where(beyond, np.int32(BEYOND), np.int32(-1))))
+    packed = np.ascontiguousarray(
+        np.where(shown, row << 16 | column, np.where(beyond, np.int32(OUTSIDE_PLANE), np.int32(-1)))
+    )
     packed.setflags(write=False)
     return Footprint(packed, 2.0 * RADIUS_CELLS, radius)

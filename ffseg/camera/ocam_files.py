@@ -10,7 +10,7 @@ from ffseg.camera.model import Camera
 from ffseg.camera.projections import Polynomial, polynomial_limit
 from ffseg.schema.nodes import Problems
 
-MOST_COEFFICIENTS = 64
+MAX_COEFFICIENTS = 64
 """The toolbox writes 5 forward and about 12 inverse ones."""
 MAX_SIDE = 65_500
 _LINES = ("ss (forward polynomial)", "invpol (inverse polynomial)", "center", "affine", "size")
@@ -53,7 +53,7 @@ def _rows(text: str, name: str, problems: Problems) -> list[tuple[int, list[floa
         if not content or problems.lines:
             continue
         try:
-            values = [_number(word) for word in content[: MOST_COEFFICIENTS + 2]]
+            values = [_number(word) for word in content[: MAX_COEFFICIENTS + 2]]
         except ValueError:
             problems.add(f"{name}:{number}", "not a line of numbers; an OCamCalib file holds numbers and # comments")
             continue
@@ -72,9 +72,9 @@ def _number(word: str) -> float:
 
 def _counted(row: tuple[int, list[float]], name: str, key: str, problems: Problems) -> list[float]:
     number, values = row
-    if len(values) < 2 or values[0] != len(values) - 1 or len(values) - 1 > MOST_COEFFICIENTS:
+    if len(values) < 2 or values[0] != len(values) - 1 or len(values) - 1 > MAX_COEFFICIENTS:
         problems.add(
-            f"{name}:{number}", f"{key}: the line must be a count (up to {MOST_COEFFICIENTS}) and as many coefficients"
+            f"{name}:{number}", f"{key}: the line must be a count (up to {MAX_COEFFICIENTS}) and as many coefficients"
         )
     return values[1:]
 

@@ -14,9 +14,9 @@ import typer
 if TYPE_CHECKING:
     from ffseg.parameters import Parameters
 
-MOST_SECONDS = 10_000_000.0
+MAX_SECONDS = 10_000_000.0
 """Longer limits are none: 115 days."""
-MOST_MEGABYTES = 100_000_000
+MAX_MEGABYTES = 100_000_000
 """More memory than a machine has, and far from what the system's counters hold."""
 
 
@@ -96,7 +96,7 @@ def checked_params(
     """Load a parameter set of a command, and see that the files and plug-ins it names are there."""
     from ffseg.errors import ParameterError
     from ffseg.io.files import printable
-    from ffseg.parameters import STILL, load_params
+    from ffseg.parameters import ZERO_BALLOON, load_params
 
     params = load_params(config, settings, allow_code=allow_code)
     plugin_files(params)
@@ -116,7 +116,7 @@ def checked_params(
     others = [key for key in ("boxes", "circles") if params.init.mask is not None and getattr(params.init, key)]
     missing += [f"init.mask and init.{key} do not go together; leave out one of them" for key in others]
     if params.method == "freeform" and params.contour.balloon == 0:
-        missing.append(f"{printable(config) + ': ' if config else ''}{STILL}")
+        missing.append(f"{printable(config) + ': ' if config else ''}{ZERO_BALLOON}")
     if missing:
         raise ParameterError("\n".join(missing))
     if params.edges.model is not None:

@@ -26,7 +26,7 @@ from ffseg.io.tables import counted
 if TYPE_CHECKING:
     from ffseg.batch.preview import Preview  # loads OpenCV
 
-_MOST_TOLD = 100
+_MAX_TOLD = 100
 """Failures, and as many notes, told on the terminal; ``timings.csv`` has them all."""
 
 DISAGREE = (
@@ -68,9 +68,9 @@ class ProgressBar:
         """Count an image, and name it when it failed or there is something to tell."""
         if note and not (self._quiet and status != "failed"):
             self._told[status] += 1
-            if self._told[status] <= _MOST_TOLD:
+            if self._told[status] <= _MAX_TOLD:
                 self._tell(f"{printable(job.source.display_path)}: {' '.join(note.split())}")
-            elif self._told[status] == _MOST_TOLD + 1:
+            elif self._told[status] == _MAX_TOLD + 1:
                 self._tell(f"further {'failures' if status == 'failed' else 'notes'} are in timings.csv only")
         elif self._verbose:
             self.note(f"{printable(job.source.display_path)}: {'unchanged' if status == 'unchanged' else 'done'}")
@@ -203,7 +203,7 @@ def show_result(run: Run, out: str, *, as_json: bool, verbose: bool = False) -> 
 def frames_left_out(drive: Mapping[str, Any]) -> list[str]:
     """Frames that are not in the map, by name."""
     lost = drive.get("lost", ())
-    lines = [f"not in the map: {one['image']}: {one['reason']}" for one in lost[:_MOST_TOLD]]
+    lines = [f"not in the map: {one['image']}: {one['reason']}" for one in lost[:_MAX_TOLD]]
     more = drive.get("frames", 0) - drive.get("fused", 0) - len(lines)
     return [*lines, f"not in the map: {more} more; map/trajectory.csv has them all"] if more else lines
 
@@ -267,7 +267,7 @@ def _lines(summary: Summary, rows: Sequence[Mapping[str, Any]]) -> list[tuple[st
     return lines
 
 
-_MOST_REASONS = 5
+_MAX_REASONS = 5
 """Reasons said; the column ``note`` of ``timings.csv`` has one for each image."""
 
 
@@ -310,8 +310,8 @@ def _reasons(notes: Sequence[str], what: str) -> list[str]:
     for note in notes:
         examples.setdefault(_alike(note), note)
     counts = Counter(map(_alike, notes)).most_common()
-    lines = [f"  {counted(count, what)}: {examples[key]}" for key, count in counts[:_MOST_REASONS]]
-    return [*lines, "  further reasons are in the column note of timings.csv"] if len(counts) > _MOST_REASONS else lines
+    lines = [f"  {counted(count, what)}: {examples[key]}" for key, count in counts[:_MAX_REASONS]]
+    return [*lines, "  further reasons are in the column note of timings.csv"] if len(counts) > _MAX_REASONS else lines
 
 
 def _verdicts(path: str) -> tuple[Counter[str], set[str]]:

@@ -26,7 +26,7 @@ from ffseg.plugins import check
 
 NAME = "compare.jsonl"
 TABLE, PAGE = "compare.csv", "compare.md"
-_MOST_BYTES = 1 << 28
+_MAX_BYTES = 1 << 28
 """Of an earlier table or journal that is looked at."""
 
 
@@ -56,7 +56,7 @@ def refuse_foreign(out: str, panels: Iterable[str]) -> None:
 def _table(out: str) -> set[str] | None:
     """Names of the images in a table; None where it is not of a comparison."""
     try:
-        text = read_bytes(os.path.join(out, TABLE), _MOST_BYTES).decode("utf-8")
+        text = read_bytes(os.path.join(out, TABLE), _MAX_BYTES).decode("utf-8")
         head, *rows = list(csv.reader(io.StringIO(text, newline="")))
     except (ImageReadError, ValueError, csv.Error):
         return None
@@ -68,7 +68,7 @@ def _table(out: str) -> set[str] | None:
 def _journal(out: str) -> tuple[str, set[str], list[bytes]]:
     """Digest of a comparison, names of all images that may have a panel, lines of those done; of a journal's file."""
     try:
-        first, *lines = read_bytes(os.path.join(out, NAME), _MOST_BYTES).splitlines(keepends=True)
+        first, *lines = read_bytes(os.path.join(out, NAME), _MAX_BYTES).splitlines(keepends=True)
         head = parsed_line(first) or {}
         images = {name for image in head["images"] for name in names_meant_by(image)[-1:]}
         return str(head["comparison"]), images, lines

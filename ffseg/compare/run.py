@@ -35,7 +35,7 @@ from ffseg.result import Segmentation
 from ffseg.scene import Scene
 
 NO_MEMORY = "out-of-memory: there is not enough memory for it; scale it down"
-_LONGEST_ERROR = 300
+_MAX_ERROR_LENGTH = 300
 
 
 def plan_comparison(
@@ -216,7 +216,7 @@ def _run(scene: Scene, row: Row, peers: PeerParameters, alike: SharedInput | Non
         one = replace(scene, params=params, method=chosen, options=options)
         result = segment(one if alike is None else alike.scene(one))
     except Exception as error:  # noqa: BLE001 - a package may raise anything; the others are compared all the same
-        text = " ".join(_failure(error).split())[:_LONGEST_ERROR]
+        text = " ".join(_failure(error).split())[:_MAX_ERROR_LENGTH]
         return replace(row, status="failed", error=text), None
     times = {key: getattr(result.timings, key) for key in _TIMES}
     if alike is not None and chosen.uses_edges:  # it would have had to make them

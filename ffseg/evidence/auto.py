@@ -9,15 +9,15 @@ import numpy as np
 
 from ffseg.contour import ContourResult, bounded, run
 from ffseg.evidence.gradient import gradient
-from ffseg.image.boundary import EVERY, Boundary, FaintError, unless_faint
+from ffseg.image.boundary import CHECK_INTERVAL, Boundary, FaintError, unless_faint
 from ffseg.image.edges import EdgeMap
 from ffseg.image.raster import rasterize
 from ffseg.scene import BlockedStartError, Scene
 from ffseg.starts.rivals import seeds
 from ffseg.starts.sides import on_one_side
 
-MET = 0.5
-"""Strength from which on an edge is taken to be met."""
+MET_STRENGTH = 0.5
+"""Edge strength from which on a point of the contour counts as lying on an edge."""
 
 
 def auto(scene: Scene) -> EdgeMap:
@@ -75,7 +75,7 @@ def _trial(scene: Scene) -> ContourResult | None:
     begin = perf_counter()
     scene, messages, across = on_one_side(scene)
     try:
-        outcome = run(replace(scene, callback=unless_faint(scene.edges, MET), every=EVERY))
+        outcome = run(replace(scene, callback=unless_faint(scene.edges, MET_STRENGTH), every=CHECK_INTERVAL))
     except (BlockedStartError, FaintError):
         return None
     if outcome.contours is None:
@@ -90,4 +90,4 @@ def _trial(scene: Scene) -> ContourResult | None:
 def _least_met(scene: Scene) -> float:
     """Strength below which parts of a boundary lie in the open: at shut passages, and in a snake's slits."""
     slits = scene.method is not None and scene.method.slits
-    return MET if slits or scene.shuts_passages else 0.0
+    return MET_STRENGTH if slits or scene.shuts_passages else 0.0

@@ -10,25 +10,25 @@ from statistics import mean
 import numpy as np
 
 from ffseg.arrays import Floats, Mask
-from ffseg.evidence.features import KNOWN
+from ffseg.evidence.features import ALL_FEATURES
 from ffseg.evidence.forest import ARRAYS, Forest, shipped
 
 BASE = Path(__file__).with_name("base.ffmodel")
 """Part of the package; ``python -m ffseg.learning.grow`` makes it. It sees what a learned forest sees but no place in the
 image and no open area."""
 
-SERVES, SPREAD = 0.5, 0.25
+MIN_IOU, IOU_SPREAD = 0.5, 0.25
 """IoU from which on that forest is corrected by the masks, and not left aside; and how far apart the IoU of images of one
 kind lie: their mean must be better by this over the root of their number. On floors unseen by it, it has .67 to .74 on five
 masks, on unseen road frames .37 to .56."""
 
-ROW = 1000
+ROW_PIXELS = 1000
 """Pixels side by side in the plane that the native core is given; no plane may have more than 65535 a side."""
 
 
 def base() -> Forest:
     """The forest, read once."""
-    return shipped(BASE, KNOWN)[0].inside
+    return shipped(BASE, ALL_FEATURES)[0].inside
 
 
 def odds_of(forest: Forest, rows: Floats) -> Floats:
@@ -37,21 +37,21 @@ def odds_of(forest: Forest, rows: Floats) -> Floats:
     Parameters
     ----------
     rows : ndarray of float32, shape (N, F)
-        Features in the order of ``KNOWN``.
+        Features in the order of ``ALL_FEATURES``.
 
     Returns
     -------
     ndarray of float32, shape (N,)
     """
-    padded = np.zeros((len(forest.features), -(-len(rows) // ROW) * ROW), np.float32)
-    padded[:, : len(rows)] = rows[:, [KNOWN.index(name) for name in forest.features]].T
-    found: Floats = forest.log_odds(padded.reshape(len(padded), -1, ROW)).ravel()[: len(rows)]
+    padded = np.zeros((len(forest.features), -(-len(rows) // ROW_PIXELS) * ROW_PIXELS), np.float32)
+    padded[:, : len(rows)] = rows[:, [ALL_FEATURES.index(name) for name in forest.features]].T
+    found: Floats = forest.log_odds(padded.reshape(len(padded), -1, ROW_PIXELS)).ravel()[: len(rows)]
     return found
 
 
 def enough_of(masks: int) -> float:
     """Mean IoU on so many masks from which on the forest is corrected."""
-    return float(SERVES + SPREAD / masks**0.5)
+    return float(MIN_IOU + IOU_SPREAD / masks**0.5)
 
 
 def mean_overlap(odds: Sequence[Floats], inside: Sequence[Mask]) -> float:
@@ -67,7 +67,7 @@ def mean_overlap(odds: Sequence[Floats], inside: Sequence[Mask]) -> float:
 def joined(one: Forest, other: Forest) -> Forest:
     """The forest whose log odds are the sum of those of two."""
     nodes, leaves = len(one.arrays["feature"]), len(one.arrays["value"])
-    places = {name: np.asarray([KNOWN.index(it) for it in forest.features])[forest.arrays["feature"]]
+    places = {name: np.asarray([ALL_FEATURES.index(it) for it in forest.features])[forest.arrays["feature"]]
               for name, forest in (("one", one), ("other", other))}  # fmt: skip
     added = dict(other.arrays)
     for side in ("left", "right"):
@@ -77,4 +77,4 @@ def joined(one: Forest, other: Forest) -> Forest:
     added["root"] = np.where(root < 0, root - leaves, root + nodes)
     arrays = {name: np.append(one.arrays[name], added[name]).astype(kind[1:]) for name, kind, _ in ARRAYS}
     arrays["feature"] = np.append(places["one"], places["other"]).astype(np.int32)
-    return replace(one, arrays=arrays, features=KNOWN, bias=one.bias + other.bias)
+    return replace(one, arrays=arrays, features=ALL_FEATURES, bias=one.bias + other.bias)

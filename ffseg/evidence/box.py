@@ -17,12 +17,28 @@ from numpy.typing import NDArray
 from ffseg.arrays import Image, Plane
 from ffseg.errors import SegmentationError
 from ffseg.evidence.clicks import with_clicks
-from ffseg.evidence.features import BARRIER, PLAIN, STEP, Features, enlarged, features, geodesic
+from ffseg.evidence.features import (
+    BARRIER_FEATURES,
+    GRADIENT_STEP,
+    SHAPELESS_FEATURES,
+    Features,
+    enlarged,
+    features,
+    geodesic,
+)
 from ffseg.evidence.forest import shipped
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import blurred, odds_edges
-from ffseg.evidence.prior import CERTAIN, SEEN, SMOOTHING
-from ffseg.evidence.surroundings import COLOURS, STRIDE, SURROUNDINGS, strided, surroundings, voted, write_strided
+from ffseg.evidence.prior import MAX_LOG_ODDS, PIXEL_FEATURES, SMOOTHING
+from ffseg.evidence.surroundings import (
+    COLOURS,
+    STRIDE,
+    SURROUNDINGS_FEATURES,
+    strided,
+    surroundings,
+    voted,
+    write_strided,
+)
 from ffseg.image.edges import EdgeMap
 from ffseg.image.exposure import normalised_exposure
 from ffseg.image.opencv_peers import grabcut_mask
@@ -34,32 +50,33 @@ from ffseg.scene import Scene
 
 MODEL = Path(__file__).with_name("box.ffmodel")
 
-SIZE = 256
-"""Pixels of the longer side at which a box is looked at with its surroundings."""
+WORKING_SIZE = 256
+"""Pixels of the longer side of a box with its surroundings in the reduced image."""
 
-AROUND = 0.3
-"""Width of the surroundings, in parts of the mean of the box's sides."""
+SURROUND_WIDTH = 0.3
+"""Width of the surroundings, as a fraction of the mean side of the box."""
 
-LEAST_SIDE = 8
-"""Pixels of the shorter side at that size, however narrow the box."""
+MIN_SIDE = 8
+"""Pixels of the shorter side in the reduced image, however narrow the box."""
 
-FILLED = 0.5
-"""Added to the log odds that the forest tells: more of a box belongs to its object. Of 0.25, 0.5 and 0.75 the best
-on drawings that are not judged on."""
+LOG_ODDS_OFFSET = 0.5
+"""Added to the log odds of the forest: objects fill more of their boxes than it predicts. The best of 0.25, 0.5 and 0.75
+on drawings that no figure is taken from."""
 
-CUT_SIZE, DOUBTFUL, CUT, ALIKE = 200, -1.0, 3.0, 0.5
-"""A graph cut by colours: pixels of the longer side, log odds above which it starts as the object, its say in log odds, and the
-overlap with what the forest finds below which it has none. Chosen on the same drawings, where they gain .01."""
+CUT_SIZE, CUT_THRESHOLD, CUT_LOG_ODDS, MIN_CUT_OVERLAP = 200, -1.0, 3.0, 0.5
+"""Graph cut by colours: longer side of the reduced image in pixels, log odds above which a pixel starts as object,
+weight of the result in log odds, and its smallest overlap with the region of the forest to count at all. Chosen on
+the same drawings; gains .01 on them."""
 
-CORE = 0.4
-"""Radii of the ellipse that is taken for the object's core, in parts of the box's halves."""
+CORE_RADIUS = 0.4
+"""Semi-axes of the ellipse that is taken as the core of the object, as fractions of half the box's sides."""
 
-IN_BOX = (
+BOX_FEATURES = (
     "box_x",
     "box_y",
     "box_middle",
     "box_border",
-    *(f"core_{name}" for name in BARRIER),
+    *(f"core_{name}" for name in BARRIER_FEATURES),
     "core_way",
     "core_or_outside",
     "core_likeness",
@@ -68,7 +85,7 @@ IN_BOX = (
 )
 """Planes that tell of the box: places in parts of its halves, and the core seen against what lies outside."""
 
-FEATURE_NAMES = (*SEEN, *SURROUNDINGS, *IN_BOX)
+FEATURE_NAMES = (*PIXEL_FEATURES, *SURROUNDINGS_FEATURES, *BOX_FEATURES)
 
 
 def box_edges(scene: Scene) -> EdgeMap:
@@ -82,12 +99,12 @@ def box_edges(scene: Scene) -> EdgeMap:
     own = gradient(scene)
     if not scene.boxes:
         raise SegmentationError("edges.source: box needs a box; give one with --box, or set init.boxes")
-    odds = np.full(scene.shape, np.float32(-CERTAIN))
+    odds = np.full(scene.shape, np.float32(-MAX_LOG_ODDS))
     for box in scene.boxes:
         window, inside = in_box(scene.image, box)
         np.maximum(odds[window], inside, out=odds[window])
     if scene.domain is not None:
-        odds[scene.domain == 0] = -CERTAIN
+        odds[scene.domain == 0] = -MAX_LOG_ODDS
     if scene.clicked_outside or scene.params.init.circles:
         return with_clicks(scene, own, odds)
     return odds_edges(odds, scene.params.region.probability, own, "box")
@@ -113,25 +130,27 @@ def in_box(image: Image, box: Box) -> tuple[tuple[slice, slice], Plane]:
     window = window_of(box, image.shape)
     view = box_view(image, window)
     if view is None:
-        return window, np.full([part.stop - part.start for part in window], np.float32(-CERTAIN))
+        return window, np.full([part.stop - part.start for part in window], np.float32(-MAX_LOG_ODDS))
     model, native = shipped(MODEL, FEATURE_NAMES)
-    odds = np.clip(model.inside.log_odds(all_planes(view), native) + np.float32(FILLED), -CERTAIN, CERTAIN)
-    odds[view.seen.inside[::STRIDE, ::STRIDE] > 0] = -CERTAIN
+    odds = np.clip(
+        model.inside.log_odds(all_planes(view), native) + np.float32(LOG_ODDS_OFFSET), -MAX_LOG_ODDS, MAX_LOG_ODDS
+    )
+    odds[view.seen.inside[::STRIDE, ::STRIDE] > 0] = -MAX_LOG_ODDS
     return window, view.enlarged(blurred(_with_cut(odds, image, view), SMOOTHING / STRIDE))
 
 
 def _with_cut(odds: Plane, image: Image, view: BoxView) -> Plane:
     """Log odds after neighbours have voted; a cut by colours that finds much the same as they do has its say."""
     found = voted(odds, view.seen)
-    height, width = (max(LEAST_SIDE, side * CUT_SIZE // SIZE) for side in view.seen.shape)
+    height, width = (max(MIN_SIDE, side * CUT_SIZE // WORKING_SIZE) for side in view.seen.shape)
     shape = height, width
     outside = resized(view.seen.inside, shape) > 0
-    likely, picture = (resized(found, shape) > DOUBTFUL) & ~outside, resized(image[view.outer], shape)
+    likely, picture = (resized(found, shape) > CUT_THRESHOLD) & ~outside, resized(image[view.outer], shape)
     if not likely.any() or likely.all() or not np.ptp(picture, axis=(0, 1)).any():  # of one colour: seconds for nothing
         return found
     inside = resized(grabcut_mask(picture, likely, outside, 1).astype(np.float32), odds.shape)
     both, either = (np.count_nonzero(joint(found > 0, inside > 0.5)) for joint in (np.logical_and, np.logical_or))
-    return found + np.float32(CUT) * (2 * inside - 1) if both > ALIKE * either else found
+    return found + np.float32(CUT_LOG_ODDS) * (2 * inside - 1) if both > MIN_CUT_OVERLAP * either else found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -173,14 +192,14 @@ class BoxView:
 
 def box_view(image: Image, window: tuple[slice, slice]) -> BoxView | None:
     """A box, given as its rows and columns, and its surroundings; None where it leaves nothing outside."""
-    wide = max(2, round(AROUND * sum(part.stop - part.start for part in window) / 2))
+    wide = max(2, round(SURROUND_WIDTH * sum(part.stop - part.start for part in window) / 2))
     rows, columns = (
         slice(max(part.start - wide, 0), min(part.stop + wide, size))
         for part, size in zip(window, image.shape, strict=False)
     )
     part = image[rows, columns]
-    gain = SIZE / max(part.shape[:2])
-    height, width = (max(LEAST_SIDE, round(gain * side)) for side in part.shape[:2])
+    gain = WORKING_SIZE / max(part.shape[:2])
+    height, width = (max(MIN_SIDE, round(gain * side)) for side in part.shape[:2])
     inner = tuple(slice(a.start - b.start, a.stop - b.start) for a, b in zip(window, (rows, columns), strict=True))
     y, x = (
         np.abs((np.arange(size, dtype=np.float32) + 0.5) * side / size - (at.start + at.stop) / 2)
@@ -193,21 +212,24 @@ def box_view(image: Image, window: tuple[slice, slice]) -> BoxView | None:
         return None
     small = resized(part, (height, width))
     return BoxView(
-        features(normalised_exposure(small), outside, SIZE, PLAIN), (rows, columns), (inner[0], inner[1]), away
+        features(normalised_exposure(small), outside, WORKING_SIZE, SHAPELESS_FEATURES),
+        (rows, columns),
+        (inner[0], inner[1]),
+        away,
     )
 
 
 def all_planes(view: BoxView) -> Plane:
-    """The planes that the forest takes, in its order, of every `STRIDE`-th pixel: `SEEN`, the surroundings, the box."""
+    """The planes that the forest takes, in its order, of every `STRIDE`-th pixel: `PIXEL_FEATURES`, the surroundings, the box."""
     seen = view.seen
     planes = np.empty((len(FEATURE_NAMES), *seen.inside[::STRIDE, ::STRIDE].shape), np.float32)
-    write_strided(seen, SEEN, planes[: len(SEEN)])
-    beside, own = planes[len(SEEN) : -len(IN_BOX)], planes[-len(IN_BOX) :]
+    write_strided(seen, PIXEL_FEATURES, planes[: len(PIXEL_FEATURES)])
+    beside, own = planes[len(PIXEL_FEATURES) : -len(BOX_FEATURES)], planes[-len(BOX_FEATURES) :]
     surroundings(seen, beside)
     x, y = (part[::STRIDE, ::STRIDE] for part in view.away)
     own[0], own[1], own[2], own[3] = x, y, np.hypot(x, y), np.maximum(x, y)
-    core = (own[2] <= max(CORE, float(own[2].min()))).astype(np.uint8)
-    _from_core(seen, core, beside[SURROUNDINGS.index("way")], own[4:])
+    core = (own[2] <= max(CORE_RADIUS, float(own[2].min()))).astype(np.uint8)
+    _from_core(seen, core, beside[SURROUNDINGS_FEATURES.index("way")], own[4:])
     return planes
 
 
@@ -215,8 +237,8 @@ def _from_core(seen: Features, core: Image, others_way: Plane, out: Plane) -> No
     """Write what stands on ways from the core, and how much likelier a colour is in the core than outside the box."""
     planes = np.empty((1 + len(COLOURS), *core.shape), np.float32)
     write_strided(seen, ("slope@1.5", *COLOURS), planes)
-    length, place = out[len(BARRIER)], len(BARRIER) + 1
-    _core.evidence_barrier(planes[0], core, STEP, out[: len(BARRIER)])
+    length, place = out[len(BARRIER_FEATURES)], len(BARRIER_FEATURES) + 1
+    _core.evidence_barrier(planes[0], core, GRADIENT_STEP, out[: len(BARRIER_FEATURES)])
     geodesic(planes[0], core, length)
     out[place] = np.log((length + 1) / (others_way + 1))
     alike, other = np.empty((2, *core.shape), np.float32)

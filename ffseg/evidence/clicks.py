@@ -2,9 +2,9 @@
 
 The state is a plane of log odds of inside. It begins as the prior's log odds for the first start, or as those of a model, a map
 or boxes. A later click gives new log odds, learned from it and all clicks before it (`ffseg.evidence.hints`); they replace the
-old ones only where they turn pixels to the side of that click, connected with it and near it (`REACH`): a click mends the error
-that it was made for, and little else. Circles and points outside have an order each; of the next of both the one deeper in
-the present error is applied first, as a user would click.
+old ones only where they turn pixels to the side of that click, connected with it and near it (`CLICK_REACH`): a click mends
+the error that it was made for, and little else. Circles and points outside have an order each; of the next of both the one
+deeper in the present error is applied first, as a user would click.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from ffseg.arrays import Image, Mask, Plane
 from ffseg.evidence import hints, prior
 from ffseg.evidence.features import enlarged, reduced_mean, reduced_shape, reduction
 from ffseg.evidence.gradient import gradient
-from ffseg.evidence.hints import HELD
+from ffseg.evidence.hints import HELD_RADIUS
 from ffseg.evidence.maps import log_odds, odds_edges
-from ffseg.evidence.prior import CERTAIN
+from ffseg.evidence.prior import MAX_LOG_ODDS
 from ffseg.evidence.surroundings import STRIDE, strided
 from ffseg.image.edges import EdgeMap
 from ffseg.image.free import distances
@@ -36,13 +36,13 @@ from ffseg.starts.initial import circle_start, middles
 from ffseg.starts.parts import start_core
 from ffseg.starts.rivals import POINT_RADIUS, add_disc, seeds
 
-REACH = 4.0
-"""Radius round a click within which it counts, in parts of its depth: its distance to the nearest pixel of its side."""
+CLICK_REACH = 4.0
+"""Radius within which a click counts, in units of its depth: the distance from the click to the nearest pixel of its side."""
 
 HALF = 0.5
 
-REMEMBERED = 32
-"""States that are not found again when one more click is made: of one image and the one before."""
+CACHED_STATES = 32
+"""States kept in memory, of the current image and the one before, so that one more click does not repeat the earlier ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +122,7 @@ class ClickedImage:
 
     def near(self, click: hints.Correction) -> Mask:
         """Where a click counts."""
-        return distances(~click.disc) <= REACH * click.depth
+        return distances(~click.disc) <= CLICK_REACH * click.depth
 
     def known(self, clicks: Sequence[Click]) -> tuple[Mask, Mask]:
         """Pixels known to lie inside and outside after some clicks; what both claim lies inside."""
@@ -203,8 +203,8 @@ def with_clicks(scene: Scene, own: EdgeMap, base: Plane | None = None) -> EdgeMa
         )
         if state is not None:
             odds, kept = _at_full_size(clicked, state)
-            odds[dilated_by_disc(inside, HELD)] = CERTAIN
-            odds[outside], odds[inside] = -CERTAIN, CERTAIN
+            odds[dilated_by_disc(inside, HELD_RADIUS)] = MAX_LOG_ODDS
+            odds[outside], odds[inside] = -MAX_LOG_ODDS, MAX_LOG_ODDS
     if odds is None:
         return own
     edges = odds_edges(odds, params.region.probability, own, "hints")
@@ -224,7 +224,7 @@ def _in_boxes(scene: Scene, odds: Plane) -> Scene:
     circles = tuple(circle_start(circle, scene.params) for circle in scene.params.init.circles)
     starts = circles or middles(scene.params, scene.shape)  # what closes in has the boxes themselves
     growing = replace(scene, starts=starts, params=replace(scene.params, contour=contour))
-    return in_boxes(growing, np.where(outside, np.float32(-CERTAIN), odds))
+    return in_boxes(growing, np.where(outside, np.float32(-MAX_LOG_ODDS), odds))
 
 
 def _first(scene: Scene, inside: Mask) -> tuple[Mask, list[Click]]:
@@ -262,7 +262,7 @@ def _remembered(key: tuple[bytes | Click, ...], make: Callable[[], ClickState | 
     except KeyError:
         found = make()
     _known[key] = found
-    if len(_known) > REMEMBERED:
+    if len(_known) > CACHED_STATES:
         _known.popitem(last=False)
     return found
 

@@ -9,61 +9,77 @@ from numpy.typing import NDArray
 
 from ffseg.arrays import Image, Mask, Plane
 from ffseg.errors import SegmentationError
-from ffseg.evidence.openings import OPEN, open_areas
+from ffseg.evidence.openings import OPENING_FEATURES, open_areas
 from ffseg.native import _core
 
 WORKING_SIZE = 400
-"""Most pixels a side that features are computed at; larger images are reduced by a whole factor first."""
+"""Pixels: longest side at which features are computed; larger images are first reduced by an integer factor."""
 
 SCALES = (0.7, 1.5, 3.0, 6.0)
-"""Standard deviations of the smoothing in reduced pixels."""
+"""Reduced pixels: standard deviations of the Gaussian smoothing."""
 
-WAYS = SCALES[:3]
-"""Scales at which ways from the start are looked for; at the coarsest, borders have merged."""
+GEODESIC_SCALES = SCALES[:3]
+"""Scales at which barrier distances from the start are computed; at the coarsest scale borders merge."""
 
-TEXTURE = ("light", "red", "blue", "slope_light", "slope_colour", "slope", "tensor1", "tensor2", "bend1", "bend2")
+SCALE_FEATURES = (
+    "light",
+    "red",
+    "blue",
+    "slope_light",
+    "slope_colour",
+    "slope",
+    "tensor1",
+    "tensor2",
+    "bend1",
+    "bend2",
+)
 """Planes of one scale in the order of the native core: smoothed L, a, b, gradient sizes, structure tensor, Hessian."""
 
-COLOUR = (*TEXTURE[:3], "slope")
+COLOUR_FEATURES = (*SCALE_FEATURES[:3], "slope")
 """The planes of one scale that do not tell of shapes."""
 
-RELATIVE = ("from_light", "from_red", "from_blue", "from_start")
+RELATIVE_FEATURES = ("from_light", "from_red", "from_blue", "from_start")
 """L, a, b less their means in the start region, and their length in deviations."""
 
-BARRIER = ("barrier", "hardness", "reached", "level", "plateau")
+BARRIER_FEATURES = ("barrier", "hardness", "reached", "level", "plateau")
 """The least maximum of the gradient on a way from the start, and what share of the image it lets pass."""
 
-PLACE = ("x", "y", "across", "along", "distance")
+PLACE_FEATURES = ("x", "y", "across", "along", "distance")
 """Place in the image, and seen from the middle of the start, in parts of the image's width (``y``: of its height)."""
 
 DEVIATION_FLOOR = 1.5
-"""Units of L, a, b added to the deviation inside the start: camera noise, which a small disc may not show."""
+"""Units of L, a, b added to the standard deviation inside the start: camera noise, which a small disc may underestimate."""
 
-STEP = 0.01
-"""Unit of L, a, b per pixel in which gradients are counted on ways from the start; sensor noise is above it."""
+GRADIENT_STEP = 0.01
+"""Units of L, a, b per pixel: quantisation of gradients for barrier distances; sensor noise is larger."""
 
-WAY_SCALE, WAY_STEP, LEAST_COST = 1.5, 0.1, 1
-"""The shortest way is measured at one scale and in coarser steps, of which an even pixel costs one: length counts a
-little."""
+GEODESIC_SCALE, GEODESIC_STEP, MIN_COST = 1.5, 0.1, 1
+"""Scale of the gradients for geodesic distances, their coarser quantisation, and the cost of a pixel without gradient:
+length counts a little."""
 
 
 def _names(texture: tuple[str, ...], scales: tuple[float, ...]) -> tuple[str, ...]:
-    return tuple(f"{name}@{scale:g}" for scale in scales for name in (*texture, *RELATIVE))
+    return tuple(f"{name}@{scale:g}" for scale in scales for name in (*texture, *RELATIVE_FEATURES))
 
 
-NAMES = (
-    *_names(TEXTURE, SCALES),
-    *(f"{name}@{scale:g}" for scale in WAYS for name in BARRIER),
+DEFAULT_FEATURES = (
+    *_names(SCALE_FEATURES, SCALES),
+    *(f"{name}@{scale:g}" for scale in GEODESIC_SCALES for name in BARRIER_FEATURES),
     "way",
     "likeness",
-    *PLACE,
+    *PLACE_FEATURES,
 )
 """Names of the planes in their order, unless less or more is asked for."""
 
-PLAIN = (*_names(COLOUR, WAYS), *(f"{name}@{WAYS[0]:g}" for name in BARRIER), "likeness", "distance")
+SHAPELESS_FEATURES = (
+    *_names(COLOUR_FEATURES, GEODESIC_SCALES),
+    *(f"{name}@{GEODESIC_SCALES[0]:g}" for name in BARRIER_FEATURES),
+    "likeness",
+    "distance",
+)
 """Names of those that do not tell of shapes or directions, nor of the coarsest scale, nor of ways at any but the finest."""
 
-KNOWN = (*NAMES, *OPEN)
+ALL_FEATURES = (*DEFAULT_FEATURES, *OPENING_FEATURES)
 """Names of all planes in their order."""
 
 
@@ -76,7 +92,7 @@ class Features:
     planes : ndarray of float32, shape (F, h, w)
         One plane for each of ``names``, all finite.
     names : tuple of str
-        ``KNOWN``, ``NAMES`` or ``PLAIN``.
+        ``ALL_FEATURES``, ``DEFAULT_FEATURES`` or ``SHAPELESS_FEATURES``.
     inside : ndarray of uint8, shape (h, w)
         1 in the start region.
     factor : int
@@ -103,7 +119,7 @@ def reduction(shape: tuple[int, ...], size: int = WORKING_SIZE) -> int:
 
 
 def features(
-    image: Image, start: Mask, size: int = WORKING_SIZE, names: tuple[str, ...] = NAMES, least: float = 0.0
+    image: Image, start: Mask, size: int = WORKING_SIZE, names: tuple[str, ...] = DEFAULT_FEATURES, least: float = 0.0
 ) -> Features:
     """Features of an image, seen from a start region.
 
@@ -116,7 +132,7 @@ def features(
     size : int
         Pixels a side that the reduced image may have.
     names : tuple of str
-        What to look for: ``NAMES``, less (``PLAIN``), or more (``KNOWN``).
+        What to look for: ``DEFAULT_FEATURES``, less (``SHAPELESS_FEATURES``), or more (``ALL_FEATURES``).
     least : float
         Reduced pixels; a start of a smaller area than the disc of this radius is widened to about that disc.
 
@@ -132,30 +148,34 @@ def features(
     planes = np.empty((len(names), height, width), np.float32)
     lab = np.empty((3, height, width), np.float32)
     _core.evidence_lab(np.ascontiguousarray(image), factor, lab)
-    plain = names == PLAIN
-    looks, look = (len(COLOUR), _core.evidence_colour) if plain else (len(TEXTURE), _core.evidence_texture)
+    plain = names == SHAPELESS_FEATURES
+    looks, look = (
+        (len(COLOUR_FEATURES), _core.evidence_colour) if plain else (len(SCALE_FEATURES), _core.evidence_texture)
+    )
     at = 0
-    for scale in WAYS if plain else SCALES:
-        texture, relative = planes[at : at + looks], planes[at + looks : at + looks + len(RELATIVE)]
+    for scale in GEODESIC_SCALES if plain else SCALES:
+        texture, relative = planes[at : at + looks], planes[at + looks : at + looks + len(RELATIVE_FEATURES)]
         look(lab, scale, texture)
         _core.evidence_relative(texture[:3], inside, DEVIATION_FLOOR, relative)
-        at += looks + len(RELATIVE)
+        at += looks + len(RELATIVE_FEATURES)
     found = Features(planes, names, inside, factor, shape)
-    for scale in WAYS[:1] if plain else WAYS:
-        _core.evidence_barrier(found[f"slope@{scale:g}"], inside, STEP, planes[at : at + len(BARRIER)])
-        at += len(BARRIER)
+    for scale in GEODESIC_SCALES[:1] if plain else GEODESIC_SCALES:
+        _core.evidence_barrier(
+            found[f"slope@{scale:g}"], inside, GRADIENT_STEP, planes[at : at + len(BARRIER_FEATURES)]
+        )
+        at += len(BARRIER_FEATURES)
     if not plain:
-        geodesic(found[f"slope@{WAY_SCALE:g}"], inside, found["way"])
+        geodesic(found[f"slope@{GEODESIC_SCALE:g}"], inside, found["way"])
     _likeness(found)
     _place(found)
-    if names == KNOWN:
-        open_areas(image, inside, factor, planes[-len(OPEN) :])
+    if names == ALL_FEATURES:
+        open_areas(image, inside, factor, planes[-len(OPENING_FEATURES) :])
     return found
 
 
 def geodesic(slope: Plane, inside: Image, out: Plane) -> None:
     """Write the geodesic distance from the start, over gradients."""
-    _core.evidence_geodesic(slope, inside, WAY_STEP, LEAST_COST, out)
+    _core.evidence_geodesic(slope, inside, GEODESIC_STEP, MIN_COST, out)
 
 
 def reduced_region(region: Mask, factor: int) -> Image:
@@ -233,7 +253,7 @@ def enlarged(plane: Plane, factor: int, shape: tuple[int, int], stride: int = 1)
 
 def _likeness(found: Features) -> None:
     """How much likelier the colour is in the start than in the image, smoothed by a pixel."""
-    light = found.names.index(f"light@{WAY_SCALE:g}")
+    light = found.names.index(f"light@{GEODESIC_SCALE:g}")
     ratio = np.empty_like(found["likeness"])
     _core.evidence_likelihood(found.planes[light : light + 3], found.inside, ratio)
     _core.evidence_blur(ratio, 1.0, found["likeness"])
@@ -247,7 +267,7 @@ def _place(found: Features) -> None:
         for axis, places in enumerate((x, y))
     )
     found["distance"][:] = np.sqrt((across * across) + (along * along)[:, None])
-    if found.names != PLAIN:
+    if found.names != SHAPELESS_FEATURES:
         found["x"][:], found["y"][:] = (x + 0.5) / width, ((y + 0.5) / height)[:, None]
         found["across"][:], found["along"][:] = across, along[:, None]
 

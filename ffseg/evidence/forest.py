@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from ffseg.arrays import Image, Mask, Plane
 from ffseg.errors import ImageReadError, ParameterError
-from ffseg.evidence.features import KNOWN, NAMES, WORKING_SIZE, Features, enlarged, features
-from ffseg.evidence.openings import OPEN
+from ffseg.evidence.features import ALL_FEATURES, DEFAULT_FEATURES, WORKING_SIZE, Features, enlarged, features
+from ffseg.evidence.openings import OPENING_FEATURES
 from ffseg.evidence.surroundings import STRIDE, voted, write_strided
 from ffseg.image.exposure import normalised_exposure
 from ffseg.io.files import printable, read_bytes
@@ -33,7 +33,7 @@ MAGIC = b"ffmodel 1\n"
 MAX_BYTES = 16 << 20
 """A forest of a thousand trees of 32 leaves takes 0.6 MB."""
 MAX_HEADER = 1 << 16
-LEAST_SIZE, MAX_SIZE = 256, 4096
+MIN_SIZE, MAX_SIZE = 256, 4096
 """Pixels a side: the native core reduces images, of up to 65535, by 256 at most, and works on no more than the other."""
 ARRAYS = (
     ("feature", "<i4", "nodes"),
@@ -44,11 +44,11 @@ ARRAYS = (
     ("value", "<f4", "leaves"),
 )
 """Name, type and count of each array, in the order of the file. A child below zero is the leaf ``-1 - child``."""
-MOST_PRIOR = 10.0
+MAX_PRIOR_WEIGHT = 10.0
 """Weight of the prior."""
-VOTE = 14.0
+MAX_VOTE = 14.0
 """Log odds up to which a pixel has a say among its neighbours."""
-OPEN_NAMES = frozenset(OPEN)
+OPENING_NAMES = frozenset(OPENING_FEATURES)
 REMEDY = "make it again with ffseg learn"
 
 
@@ -61,13 +61,13 @@ class Forest:
     arrays : dict of ndarray
         As ``ARRAYS`` names them; left is where a feature is at most the threshold.
     features : tuple of str
-        Names of the features that ``feature`` counts, of those in ``KNOWN``.
+        Names of the features that ``feature`` counts, of those in ``ALL_FEATURES``.
     bias : float
         Added to the sum of the leaves; the logistic function of that is the probability of inside.
     """
 
     arrays: dict[str, NDArray[Any]]
-    features: tuple[str, ...] = NAMES
+    features: tuple[str, ...] = DEFAULT_FEATURES
     bias: float = 0.0
 
     def compiled(self) -> _core.EvidenceForest:
@@ -102,7 +102,7 @@ class Forest:
         Parameters
         ----------
         planes : ndarray of float32, shape (F, h, w)
-            All features, in the order of ``KNOWN``, or those of ``NAMES`` if the forest asks for no others.
+            All features, in the order of ``ALL_FEATURES``, or those of ``DEFAULT_FEATURES`` if the forest asks for no others.
         native : EvidenceForest, optional
             What ``compiled`` returned, to be used for many images.
 
@@ -110,8 +110,8 @@ class Forest:
         -------
         ndarray of float32, shape (h, w)
         """
-        if self.features != KNOWN[: len(planes)]:
-            planes = np.ascontiguousarray(planes[[KNOWN.index(name) for name in self.features]])
+        if self.features != ALL_FEATURES[: len(planes)]:
+            planes = np.ascontiguousarray(planes[[ALL_FEATURES.index(name) for name in self.features]])
         # beyond 60 the probability is 0 or 1 in single precision
         return _probability(np.clip(self.log_odds(planes, native), -60, 60))
 
@@ -145,8 +145,8 @@ class Model:
 
     def look(self, image: Image, start: Mask) -> Features:
         """The features that the model needs of an image, seen from a start region (see `features`)."""
-        opened = not OPEN_NAMES.isdisjoint(self.inside.features)
-        return features(self.shown(image), start, self.size, KNOWN if opened else NAMES)
+        opened = not OPENING_NAMES.isdisjoint(self.inside.features)
+        return features(self.shown(image), start, self.size, ALL_FEATURES if opened else DEFAULT_FEATURES)
 
     def shown(self, image: Image) -> Image:
         """The image as the model looks at it."""
@@ -168,7 +168,7 @@ class Model:
         """
         planes = np.empty((len(self.inside.features), *seen.inside[::STRIDE, ::STRIDE].shape), np.float32)
         write_strided(seen, self.inside.features, planes)
-        smooth = voted(np.clip(self.inside.log_odds(planes, native), -VOTE, VOTE), seen)
+        smooth = voted(np.clip(self.inside.log_odds(planes, native), -MAX_VOTE, MAX_VOTE), seen)
         if not self.prior:
             return enlarged(_probability(smooth), seen.factor, seen.shape, STRIDE)
         if prior is None:
@@ -209,7 +209,7 @@ def _described(forest: Forest) -> dict[str, Any]:
     return {"features": forest.features, "bias": forest.bias, **counts}
 
 
-def load_model(path: str | os.PathLike[str], known: tuple[str, ...] = KNOWN) -> Model:
+def load_model(path: str | os.PathLike[str], known: tuple[str, ...] = ALL_FEATURES) -> Model:
     """Read a model file; `known` are the features that its forests may ask for.
 
     Raises
@@ -235,7 +235,7 @@ def shipped(path: Path, known: tuple[str, ...]) -> Compiled:
     return model, model.inside.compiled()
 
 
-def from_bytes(data: bytes, known: tuple[str, ...] = KNOWN) -> Model:
+def from_bytes(data: bytes, known: tuple[str, ...] = ALL_FEATURES) -> Model:
     """The model in a file.
 
     Raises
@@ -278,11 +278,11 @@ def _header(text: bytes, known: tuple[str, ...]) -> dict[str, Any]:
         header.setdefault("exposed", False)  # as the prior's has none
         header.setdefault("prior", 0.0)
     _require_keys(header, {"size", "about", "forests", "exposed", "prior"}, "its header")
-    if type(header["prior"]) not in (int, float) or not 0 <= header["prior"] <= MOST_PRIOR:
-        raise ValueError(f"prior in its header is not a number from 0 to {MOST_PRIOR:g}")
+    if type(header["prior"]) not in (int, float) or not 0 <= header["prior"] <= MAX_PRIOR_WEIGHT:
+        raise ValueError(f"prior in its header is not a number from 0 to {MAX_PRIOR_WEIGHT:g}")
     if not isinstance(header["exposed"], bool):
         raise ValueError("exposed in its header is neither true nor false")
-    _require_whole(header, "size", LEAST_SIZE, MAX_SIZE)
+    _require_whole(header, "size", MIN_SIZE, MAX_SIZE)
     if not isinstance(header["about"], dict):
         raise ValueError("about in its header is not a table")
     forests = header["forests"]

@@ -17,10 +17,10 @@ import numpy as np
 
 from ffseg.arrays import Image, Mask, Plane
 from ffseg.evidence import prior
-from ffseg.evidence.features import BARRIER, Features, broadened, geodesic, reduced_region
+from ffseg.evidence.features import BARRIER_FEATURES, Features, broadened, geodesic, reduced_region
 from ffseg.evidence.forest import shipped
 from ffseg.evidence.maps import blurred
-from ffseg.evidence.prior import CERTAIN, LEAST_START, SMOOTHING
+from ffseg.evidence.prior import MAX_LOG_ODDS, MIN_START_RADIUS, SMOOTHING
 from ffseg.evidence.surroundings import (
     STRIDE,
     barriers,
@@ -37,31 +37,34 @@ from ffseg.native import _core
 
 MODEL = Path(__file__).with_name("hints.ffmodel")
 
-FAR = 2.0
-"""Distance of what is not there, in parts of the root of the area that is looked at."""
+ABSENT_DISTANCE = 2.0
+"""Distance to a side that has no clicks, in units of the square root of the image area."""
 
-EVEN = 1e-3
-"""Log odds of colours below which clicks on both sides show the same: of equal ones rounding leaves less."""
+EQUAL_LOG_ODDS = 1e-3
+"""If the colours on both sides differ by less than this, in log odds, the clicks show the same colours (equal ones
+differ by rounding only)."""
 
-NEAREST = 0.01
-"""Added to distances, in the same parts, before their logarithm."""
+DISTANCE_OFFSET = 0.01
+"""Added to distances, in the same unit, before taking logarithms."""
 
-HELD = 3.0
-"""Pixels round a click that are its side's: a smaller disc would start on the edge of its own evidence, and leak over it."""
+HELD_RADIUS = 3.0
+"""Pixels round a click that belong to its side: a smaller start would lie on the edge of its own evidence and leak over
+it."""
 
-SHOWS, CLICK = 0.75, 0.01
-"""Part of the widest click's radius from which on a click shows what it lies on, and radius of a usual click in parts of the
-image's longer side, if the widest is wider. Narrower ones mend a rim and lie on its edge: they hold what they cover, no more.
-On 55 drawings .60, .75 and .90 do alike; on 55 others clicks lose half as much as if all were to show something."""
+MIN_RADIUS_FRACTION, USUAL_RADIUS = 0.75, 0.01
+"""A click is a sample of its side's colours if its radius is at least this fraction of the widest click's, or of a usual
+click's (a fraction of the longer side of the image) where the widest is wider. Narrower clicks correct a rim and lie
+on its edge: they fix the pixels that they cover. On 55 drawings .60, .75 and .90 do equally well; on 55 others half
+as many clicks lower the IoU as without this rule."""
 
-SAY, AGAIN = 0.3, 1.0
-"""Share of what the first click outside shows, the first to tell of both sides, in the log odds away from where it counts, and
-part of the log odds of colours, learned from what it shows, that is added to that: two plain halves part so from a click in each.
-With a share of .5 drawings gain a hundredth, and models on roads lose more."""
+ELSEWHERE_WEIGHT, COLOUR_WEIGHT = 0.3, 1.0
+"""Away from where it counts, the first click outside, the first to show both sides, changes the log odds by this
+fraction. The log likelihood ratio of colours, estimated after it, is added with the second weight: with a click in
+each, two plain halves are told apart. A fraction of .5 gains .01 on drawings, and loses more with models on roads."""
 
-BOTH_SIDES = (
+TWO_SIDED_FEATURES = (
     "prior",
-    *(f"outside_{name}" for name in BARRIER),
+    *(f"outside_{name}" for name in BARRIER_FEATURES),
     "outside_way",
     "inside_or_outside",
     "barrier_or_outside",
@@ -73,10 +76,10 @@ BOTH_SIDES = (
     "near_outside",
     "nearer",
 )
-LAST_CLICK = (
+LAST_CLICK_FEATURES = (
     "before",
     "side",
-    *(f"click_{name}" for name in BARRIER),
+    *(f"click_{name}" for name in BARRIER_FEATURES),
     "click_way",
     "click_likeness",
     "click_distance",
@@ -86,7 +89,7 @@ LAST_CLICK = (
 )
 """Features of the last click: the log odds before it, its side, what stands on ways from it, and its depth in the error."""
 
-FEATURE_NAMES = (*prior.FEATURE_NAMES, *BOTH_SIDES, *LAST_CLICK)
+FEATURE_NAMES = (*prior.FEATURE_NAMES, *TWO_SIDED_FEATURES, *LAST_CLICK_FEATURES)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -141,7 +144,7 @@ class HintView:
         inside, outside = _halved(self.seen.inside), _halved(self.outside)
         colours = colours_of(self.seen)
         differs = likeness(colours, inside) - likeness(colours, outside)
-        return bool(np.abs(differs[(inside | outside) > 0]).max() < EVEN)
+        return bool(np.abs(differs[(inside | outside) > 0]).max() < EQUAL_LOG_ODDS)
 
 
 def hints(
@@ -161,7 +164,7 @@ def hints(
     Returns
     -------
     near, elsewhere : ndarray of float32, shape (h, w)
-        Log odds of inside, at most ``CERTAIN`` either way, at every `STRIDE`-th pixel of the reduced image: where the click
+        Log odds of inside, at most ``MAX_LOG_ODDS`` either way, at every `STRIDE`-th pixel of the reduced image: where the click
         counts, and in other places. Those before it while only one click shows anything; None in place of both where both
         sides look the same.
     """
@@ -172,27 +175,27 @@ def hints(
     if view.is_even():
         return None
     model, native = shipped(MODEL, FEATURE_NAMES)
-    odds = np.clip(model.inside.log_odds(all_planes(view, click, base), native), -CERTAIN, CERTAIN)
+    odds = np.clip(model.inside.log_odds(all_planes(view, click, base), native), -MAX_LOG_ODDS, MAX_LOG_ODDS)
     return near_and_elsewhere(odds, view, click)
 
 
 def near_and_elsewhere(odds: Plane, view: HintView, click: Correction) -> tuple[Plane, Plane]:
     """The forest's log odds near a click and elsewhere, after seeds are set and neighbours have voted."""
-    odds = np.where(strided(view.outside) > 0, np.float32(-CERTAIN), odds)
-    odds[strided(view.seen.inside) > 0] = CERTAIN
+    odds = np.where(strided(view.outside) > 0, np.float32(-MAX_LOG_ODDS), odds)
+    odds[strided(view.seen.inside) > 0] = MAX_LOG_ODDS
     near = blurred(voted(odds, view.seen), SMOOTHING / STRIDE)
     if not click.shows_both:
         return near, click.before
-    odds += np.float32(AGAIN) * likelihood_ratio(colours_of(view.seen), voted(odds, view.seen) > 0)
+    odds += np.float32(COLOUR_WEIGHT) * likelihood_ratio(colours_of(view.seen), voted(odds, view.seen) > 0)
     again = blurred(voted(odds, view.seen), SMOOTHING / STRIDE)
-    return near, click.before + np.float32(SAY) * (again - click.before)
+    return near, click.before + np.float32(ELSEWHERE_WEIGHT) * (again - click.before)
 
 
 def showing(inside: Mask, outside: Mask) -> tuple[tuple[Mask, int], tuple[Mask, int]]:
-    """Parts of clicks on either side that show what they lie on (`SHOWS`), at least the widest inside, and their number."""
+    """Clicks of either side that are samples of it (`MIN_RADIUS_FRACTION`), at least the widest inside, and their number."""
     sides = list(scattered(inside)), list(scattered(outside))
     widest = [max((float(one.areas.max()) for _, one in side), default=0.0) for side in sides]
-    least = SHOWS**2 * min(max(widest), np.pi * (CLICK * max(inside.shape)) ** 2)
+    least = MIN_RADIUS_FRACTION**2 * min(max(widest), np.pi * (USUAL_RADIUS * max(inside.shape)) ** 2)
     return _at_least(sides[0], min(least, widest[0]), inside.shape), _at_least(sides[1], least, inside.shape)
 
 
@@ -210,7 +213,9 @@ def hint_view(own: prior.PriorView, outside: Mask) -> HintView:
     """The image, seen from what is known to lie inside, and from what is known to lie outside, shape (H, W)."""
     inside = own.seen.inside
     beyond = (
-        broadened(reduced_region(outside, own.seen.factor), LEAST_START) if outside.any() else np.zeros_like(inside)
+        broadened(reduced_region(outside, own.seen.factor), MIN_START_RADIUS)
+        if outside.any()
+        else np.zeros_like(inside)
     )
     beyond[inside > 0] = 0
     return HintView(own, beyond)
@@ -221,11 +226,11 @@ def all_planes(view: HintView, click: Correction, base: Plane | None = None) -> 
     seen, count = view.seen, len(prior.FEATURE_NAMES)
     planes = np.empty((len(FEATURE_NAMES), *strided(seen.inside).shape), np.float32)
     planes[:count] = view.own.planes
-    planes[count] = view.own.forest_odds if base is None else np.clip(base, -CERTAIN, CERTAIN)
+    planes[count] = view.own.forest_odds if base is None else np.clip(base, -MAX_LOG_ODDS, MAX_LOG_ODDS)
     own_way, own_barrier = (planes[prior.FEATURE_NAMES.index(name)] for name in ("way", "barrier@1.5"))
     slope, colours = steepest(seen["slope@1.5"]), colours_of(seen)
     both_sides = _both_sides(view, slope, colours, planes[count], own_way, own_barrier)
-    outside_way = both_sides[BOTH_SIDES.index("outside_way") - 1]
+    outside_way = both_sides[TWO_SIDED_FEATURES.index("outside_way") - 1]
     last_click = _last_click(view, click, slope, colours, own_way, outside_way)
     for to, plane in zip(planes[count + 1 :], (*both_sides, *last_click), strict=True):
         to[:] = plane
@@ -237,9 +242,9 @@ def _both_sides(
 ) -> list[Plane]:
     """What stands on ways from outside, how much likelier a colour is inside, and which side is nearer."""
     inside, outside = _halved(view.seen.inside), _halved(view.outside)
-    barrier, length = np.zeros((len(BARRIER), *odds.shape), np.float32), np.zeros_like(odds)
+    barrier, length = np.zeros((len(BARRIER_FEATURES), *odds.shape), np.float32), np.zeros_like(odds)
     alike, other = likeness(colours, inside), np.zeros_like(odds)
-    near, far = _distance(inside), np.full_like(odds, FAR)
+    near, far = _distance(inside), np.full_like(odds, ABSENT_DISTANCE)
     guess = odds > 0
     if outside.any():
         barrier = barriers(slope, outside)
@@ -257,7 +262,7 @@ def _both_sides(
         blurred(likelihood_ratio(colours, guess), 1.0 / STRIDE),
         near,
         far,
-        np.log((near + NEAREST) / (far + NEAREST)),
+        np.log((near + DISTANCE_OFFSET) / (far + DISTANCE_OFFSET)),
     ]
 
 
@@ -266,7 +271,7 @@ def _last_click(
 ) -> list[Plane | float]:
     """The log odds before the last click, and what stands on ways from it, beside those from all seeds."""
     other = strided(view.outside if click.inside else view.seen.inside)
-    disc = np.where(other > 0, np.uint8(0), broadened(click.disc.view(np.uint8), LEAST_START / STRIDE))
+    disc = np.where(other > 0, np.uint8(0), broadened(click.disc.view(np.uint8), MIN_START_RADIUS / STRIDE))
     disc = disc if disc.any() else click.disc.view(np.uint8)
     length = np.empty_like(slope)
     geodesic(slope, disc, length)

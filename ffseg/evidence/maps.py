@@ -15,31 +15,32 @@ from ffseg.native import _core
 Level = TypeVar("Level", np.uint8, np.float32)
 
 LEVEL = 0.5
-"""Probability at which the region ends; another one asked for becomes this (`at_level`)."""
+"""Probability at which the region ends. Maps are rescaled so that any other requested level becomes this one (`at_level`)."""
 
 SMOOTHING = 1.0
-"""px; a map of zeros and ones has steps of pixels, which this turns into a level between them."""
+"""Pixels: standard deviation of the smoothing that turns the pixel steps of a binary map into a level set between pixels."""
 
-UNDECIDED = 0.15
-"""Edges of the image count where the probability is nearer to ``LEVEL`` than this; elsewhere the map has decided."""
+UNDECIDED_MARGIN = 0.15
+"""Edges of the image count where the probability differs from ``LEVEL`` by less than this; elsewhere the map decides."""
 
 RIDGE_WIDTH = 1.2
-"""px; standard deviation of the ridge along the level, on which a contour settles."""
+"""Pixels: standard deviation of the ridge along the level set, on which the contour settles."""
 
-SNAP = 3.0
-"""px; standard deviation of the window round the level in which the image's own gradient moves the ridge."""
+SNAP_WIDTH = 3.0
+"""Pixels: standard deviation of the band round the level set in which gradients of the image shift the ridge."""
 
 RIDGE_HEIGHT = 2.0
-"""Height of the ridge in high thresholds: it stops every method, and a clear edge of the image outweighs it."""
+"""Height of the ridge in multiples of the high threshold: it stops every method, and a clear edge of the image still
+outweighs it."""
 
-MOST_CERTAIN = np.float32(0.999)
+MAX_PROBABILITY = np.float32(0.999)
 """Probability up to which a pixel of a map is believed: log odds of 7, as the prior's."""
 
-TALLEST = 65535.0
-"""The largest gradient that is stored."""
+MAX_GRADIENT = 65535.0
+"""Largest gradient that can be stored."""
 
-STRENGTH = 128.0
-"""Grey levels per pixel that an edge strength of one stands for."""
+STRENGTH_SCALE = 128.0
+"""Grey levels per pixel that correspond to an edge strength of one."""
 
 
 def log_odds(probability: float) -> float:
@@ -90,16 +91,16 @@ def evidence_edges(
         return image_edges
     above = blurred(probability, SMOOTHING) - np.float32(LEVEL)
     gradient, edges = image_edges.gradient.copy(), image_edges.edges.copy()
-    height = min(RIDGE_HEIGHT * image_edges.thresholds[1] * GRADIENT_SCALE, TALLEST)
-    _core.evidence_level(above, UNDECIDED, SNAP, RIDGE_WIDTH, height, gradient, edges)
+    height = min(RIDGE_HEIGHT * image_edges.thresholds[1] * GRADIENT_SCALE, MAX_GRADIENT)
+    _core.evidence_level(above, UNDECIDED_MARGIN, SNAP_WIDTH, RIDGE_WIDTH, height, gradient, edges)
     if odds is None:
         odds = certain_odds(probability)
     return EdgeMap(gradient, edges, image_edges.domain, image_edges.thresholds, source, odds)
 
 
 def certain_odds(probability: Plane) -> Plane:
-    """Log odds of probabilities, as far as they are believed (`MOST_CERTAIN`)."""
-    certain = np.clip(probability, 1 - MOST_CERTAIN, MOST_CERTAIN)
+    """Log odds of probabilities, as far as they are believed (`MAX_PROBABILITY`)."""
+    certain = np.clip(probability, 1 - MAX_PROBABILITY, MAX_PROBABILITY)
     odds: Plane = np.log(certain / (1 - certain))
     return odds
 
@@ -132,8 +133,8 @@ def strength_edges(strength: Plane, image_edges: EdgeMap) -> EdgeMap:
     if not _crosses(strength, LEVEL):
         return image_edges
     edges = np.where(strength >= LEVEL, np.uint8(255), np.uint8(0))
-    gradient = blurred(strength, SMOOTHING) * np.float32(STRENGTH * GRADIENT_SCALE) + np.float32(0.5)
-    low = STRENGTH * LEVEL / 2
+    gradient = blurred(strength, SMOOTHING) * np.float32(STRENGTH_SCALE * GRADIENT_SCALE) + np.float32(0.5)
+    low = STRENGTH_SCALE * LEVEL / 2
     return EdgeMap(gradient.astype(np.uint16), edges, image_edges.domain, (low, 2 * low), image_edges.source)
 
 

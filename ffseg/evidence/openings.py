@@ -10,18 +10,18 @@ from ffseg.image.edges import edge_map
 from ffseg.native import _core
 from ffseg.parameters import Edges
 
-PASSAGES = (1, 3, 5, 9)
+PASSAGE_WIDTHS = (1, 3, 5, 9)
 """Widths in reduced pixels; a narrower passage between edges is shut."""
 
 SMOOTHING = 3.0
 """Reduced pixels; standard deviation of the planes that tell of the neighbourhood."""
 
-OPEN = (*(f"open{width}" for width in PASSAGES), *(f"open{width}~" for width in PASSAGES))
+OPENING_FEATURES = (*(f"open{width}" for width in PASSAGE_WIDTHS), *(f"open{width}~" for width in PASSAGE_WIDTHS))
 """Names of the planes in their order: 1 on open areas and 0 elsewhere, then the same smoothed."""
 
 
 def open_areas(image: Image, inside: Image, factor: int, out: Plane) -> None:
-    """Write the planes that ``OPEN`` names.
+    """Write the planes that ``OPENING_FEATURES`` names.
 
     Parameters
     ----------
@@ -39,12 +39,12 @@ def open_areas(image: Image, inside: Image, factor: int, out: Plane) -> None:
     """
     walls = _reduced_any(edge_map(image, Edges()).edges, factor)
     planes = np.empty((5, *inside.shape), np.float32)
-    for place, width in enumerate(PASSAGES):
+    for place, width in enumerate(PASSAGE_WIDTHS):
         shut = dilated(walls, width)
         _core.evidence_barrier(shut.astype(np.float32), inside, 1.0, planes)
         reached = dilated(((planes[0] == 0) & (shut == 0)).astype(np.uint8), width)
         out[place] = reached | (inside > 0)
-        _core.evidence_blur(out[place], SMOOTHING, out[place + len(PASSAGES)])
+        _core.evidence_blur(out[place], SMOOTHING, out[place + len(PASSAGE_WIDTHS)])
 
 
 def _reduced_any(edges: Image, factor: int) -> Image:

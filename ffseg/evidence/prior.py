@@ -14,11 +14,19 @@ from pathlib import Path
 import numpy as np
 
 from ffseg.arrays import Image, Mask, Plane
-from ffseg.evidence.features import BARRIER, PLAIN, STEP, Features, enlarged, features, reduced_region
+from ffseg.evidence.features import (
+    BARRIER_FEATURES,
+    GRADIENT_STEP,
+    SHAPELESS_FEATURES,
+    Features,
+    enlarged,
+    features,
+    reduced_region,
+)
 from ffseg.evidence.forest import Compiled, shipped
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import blurred, odds_edges
-from ffseg.evidence.surroundings import STRIDE, SURROUNDINGS, strided, surroundings, voted, write_strided
+from ffseg.evidence.surroundings import STRIDE, SURROUNDINGS_FEATURES, strided, surroundings, voted, write_strided
 from ffseg.image.edges import EdgeMap
 from ffseg.image.exposure import normalised_exposure
 from ffseg.native import _core
@@ -27,30 +35,30 @@ from ffseg.starts.parts import start_core
 
 MODEL = Path(__file__).with_name("prior.ffmodel")
 
-SEEN = tuple(name for name in PLAIN if not name.startswith("slope"))
+PIXEL_FEATURES = tuple(name for name in SHAPELESS_FEATURES if not name.startswith("slope"))
 """Features the forest sees: all but the place in the image and the direction from the start (the distance it sees), and but
 gradients as they are, which only tell where they stand on a way."""
 
-UNLIKE = tuple(f"unlike_{name}" for name in BARRIER)
+COLOUR_FLOOD_FEATURES = tuple(f"unlike_{name}" for name in BARRIER_FEATURES)
 """Planes of a flood from the start over colours, which rises as these become less like the start's."""
 
-ALIKE = 5.0
-"""Logarithm of how much likelier a colour is in the start than in the image from which on it holds no flood up."""
+ALIKE_LOG_RATIO = 5.0
+"""Log likelihood ratio of a colour, in the start over in the image, above which the colour flood passes freely."""
 
-FEATURE_NAMES = (*SEEN, *SURROUNDINGS, *UNLIKE)
+FEATURE_NAMES = (*PIXEL_FEATURES, *SURROUNDINGS_FEATURES, *COLOUR_FLOOD_FEATURES)
 
 SMOOTHING = 1.0
-"""Reduced pixels, afterwards."""
+"""Reduced pixels: standard deviation of the final smoothing of the log odds."""
 
-LEAST_START = 6.0
-"""Reduced pixels; radius below which a start does not show what its region looks like, and is looked at with its surroundings."""
+MIN_START_RADIUS = 6.0
+"""Reduced pixels. A smaller start is too small a sample of its region and is enlarged by its surroundings."""
 
-CERTAIN = 7.0
-"""Log odds up to which a pixel votes, and which the start region is given: inside by definition."""
+MAX_LOG_ODDS = 7.0
+"""Largest absolute log odds of a pixel, and those of the start region, which is inside by definition."""
 
 CAUTION = 0.32
-"""Log odds that are taken off where a contour is to end: of kinds that a forest has not seen it says too much. The mean IoU of
-pixels of kinds left out gains .012 (standard error .003), of kinds that were learned from .004."""
+"""Subtracted from the log odds: on kinds of images that it was not grown on, the forest predicts too large regions. The
+mean IoU of pixels gains .012 (standard error .003) on kinds left out, .004 on kinds that were learned from."""
 
 
 def model() -> Compiled:
@@ -78,9 +86,9 @@ class PriorView:
 
     @cached_property
     def forest_odds(self) -> Plane:
-        """Its log odds before neighbours vote, shape (h, w), at most ``CERTAIN`` either way."""
+        """Its log odds before neighbours vote, shape (h, w), at most ``MAX_LOG_ODDS`` either way."""
         forest, native = self.compiled
-        return np.clip(forest.inside.log_odds(self.planes, native), -CERTAIN, CERTAIN)
+        return np.clip(forest.inside.log_odds(self.planes, native), -MAX_LOG_ODDS, MAX_LOG_ODDS)
 
     @property
     def odds(self) -> Plane:
@@ -107,26 +115,28 @@ def prior(image: Image, starts: Mask) -> Plane:
     Returns
     -------
     ndarray of float32, shape (H, W)
-        Logarithm of the odds of belonging to what the start lies on, at most ``CERTAIN`` either way.
+        Logarithm of the odds of belonging to what the start lies on, at most ``MAX_LOG_ODDS`` either way.
     """
     found = prior_view(image, starts)
     whole = enlarged(found.odds, found.seen.factor, found.seen.shape, STRIDE)
-    whole[starts] = CERTAIN
+    whole[starts] = MAX_LOG_ODDS
     return whole
 
 
-def start_features(image: Image, starts: Mask, size: int, least: float = LEAST_START) -> Features:
+def start_features(image: Image, starts: Mask, size: int, least: float = MIN_START_RADIUS) -> Features:
     """The features that the prior's planes are made of, at most so many pixels a side, from a start of `least` or more."""
-    return features(normalised_exposure(image), starts, size, PLAIN, least)
+    return features(normalised_exposure(image), starts, size, SHAPELESS_FEATURES, least)
 
 
 def all_planes(seen: Features) -> Plane:
-    """The planes that the forest takes, in its order, of every `STRIDE`-th pixel: `SEEN`, the surroundings, the flood."""
+    """The planes that the forest takes, in its order, of every `STRIDE`-th pixel: `FEATURE_NAMES`."""
     planes = np.empty((len(FEATURE_NAMES), *seen.inside[::STRIDE, ::STRIDE].shape), np.float32)
-    write_strided(seen, SEEN, planes[: len(SEEN)])
-    surroundings(seen, planes[len(SEEN) : -len(UNLIKE)])
-    heights = np.maximum(np.float32(ALIKE) - blurred(strided(seen["likeness"]), 1.0 / STRIDE), np.float32(0))
-    _core.evidence_barrier(heights, reduced_region(seen.inside > 0, STRIDE), STEP, planes[-len(UNLIKE) :])
+    write_strided(seen, PIXEL_FEATURES, planes[: len(PIXEL_FEATURES)])
+    surroundings(seen, planes[len(PIXEL_FEATURES) : -len(COLOUR_FLOOD_FEATURES)])
+    heights = np.maximum(np.float32(ALIKE_LOG_RATIO) - blurred(strided(seen["likeness"]), 1.0 / STRIDE), np.float32(0))
+    _core.evidence_barrier(
+        heights, reduced_region(seen.inside > 0, STRIDE), GRADIENT_STEP, planes[-len(COLOUR_FLOOD_FEATURES) :]
+    )
     return planes
 
 

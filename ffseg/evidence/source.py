@@ -34,7 +34,7 @@ FOREST_SUFFIX, NETWORK_SUFFIX = ".ffmodel", ".onnx"
 
 MAX_NETWORK_BYTES = 1 << 30
 
-WHOLE_START = 2.0
+MIN_START_RADIUS = 2.0
 """Pixels of the reduced image: a start that a model finds is not smaller."""
 
 
@@ -147,7 +147,7 @@ def model_start(
         return None
     regions = connected_parts(sure)
     ((x, y, depth),) = discs(depths(sure.astype(np.uint8)), regions, np.array([regions.areas.argmax()]), np.inf)
-    return (x + 0.5) * factor - 0.5, (y + 0.5) * factor - 0.5, min(most, max(depth, WHOLE_START) * factor)
+    return (x + 0.5) * factor - 0.5, (y + 0.5) * factor - 0.5, min(most, max(depth, MIN_START_RADIUS) * factor)
 
 
 def ready(path: str) -> Compiled:

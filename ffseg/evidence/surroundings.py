@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from ffseg.arrays import Image, Mask, Plane
 from ffseg.evidence.features import (
-    BARRIER,
+    BARRIER_FEATURES,
+    GEODESIC_SCALE,
+    GEODESIC_SCALES,
+    GRADIENT_STEP,
     SCALES,
-    STEP,
-    WAY_SCALE,
-    WAYS,
     Features,
     geodesic,
     reduced_region,
@@ -23,36 +23,40 @@ from ffseg.evidence.maps import blurred, dilated
 from ffseg.native import _core
 
 STRIDE = 2
-"""Every second pixel each way is asked, and enough for a sum: neighbours say nearly the same."""
+"""The forest is evaluated at every second pixel in each direction; neighbouring pixels have nearly the same features."""
 
-KEPT, CONTRAST, STEPS = 0.02, 2.0, 40
-"""Neighbours vote, so that the seams of tiles and specks of light do not make islands, but not across edges: the weight of
-a pixel's own odds, the difference of L, a, b that ends a neighbour's say, and steps of diffusion on the pixels asked."""
+OWN_WEIGHT, VOTE_CONTRAST, VOTE_STEPS = 0.02, 2.0, 40
+"""Edge-preserving smoothing of the log odds by diffusion, which removes the seams of tiles and specks of light: the
+weight of a pixel's own log odds in each step, the difference of L, a, b at which the exchange between neighbours
+ends, and the number of steps."""
 
-FINEST, COLOURS = (tuple(f"{name}@{scale:g}" for name in ("light", "red", "blue")) for scale in (SCALES[0], WAY_SCALE))
+FINEST, COLOURS = (
+    tuple(f"{name}@{scale:g}" for name in ("light", "red", "blue")) for scale in (SCALES[0], GEODESIC_SCALE)
+)
 
-FRAME = 0.03
-"""Width of the border whose colours are compared, in parts of the root of the image's area."""
+FRAME_WIDTH = 0.03
+"""Width of the image border whose colours are compared with the start's, as a fraction of the square root of the image
+area."""
 
-PASSAGES = (3, 5)
-"""Of these pixels; barriers are also measured where only passages of this width count."""
+PASSAGE_WIDTHS = (3, 5)
+"""Evaluated pixels: barrier distances are also computed through passages of at least these widths only."""
 
-NEAR = 5.0
-"""Radii of the start within which the usual gradient is measured."""
+NEAR_RADII = 5.0
+"""Radii of the start within which the typical gradient is measured."""
 
-FAINT = 0.02
-"""Units of L, a, b per pixel added to gradients before their logarithm: below sensor noise."""
+GRADIENT_FLOOR = 0.02
+"""Units of L, a, b per pixel added to gradients before taking logarithms; below sensor noise."""
 
-FINE = ("0.7", "1.5")
+FINE_SCALES = ("0.7", "1.5")
 """Scales whose gradients are compared with usual ones."""
 
-SURROUNDINGS = (
-    *(f"{name}@{scale:g}" for scale in WAYS[1:] for name in BARRIER),
+SURROUNDINGS_FEATURES = (
+    *(f"{name}@{scale:g}" for scale in GEODESIC_SCALES[1:] for name in BARRIER_FEATURES),
     "way",
     "frame_hardness",
     "start_or_frame",
     "start_to_frame",
-    *(f"{name}~{width}" for width in PASSAGES for name in BARRIER[1:]),
+    *(f"{name}~{width}" for width in PASSAGE_WIDTHS for name in BARRIER_FEATURES[1:]),
     "frame_likeness",
     "likeness~3",
     "unusual@0.7",
@@ -64,7 +68,7 @@ SURROUNDINGS = (
 
 
 def surroundings(seen: Features, out: Plane) -> None:
-    """Write the planes that ``SURROUNDINGS`` names, all finite.
+    """Write the planes that ``SURROUNDINGS_FEATURES`` names, all finite.
 
     Parameters
     ----------
@@ -72,9 +76,9 @@ def surroundings(seen: Features, out: Plane) -> None:
         Of every ``STRIDE``-th pixel each way.
     """
     start = reduced_region(seen.inside > 0, STRIDE)
-    slopes = {name: steepest(seen[f"slope@{name}"]) for name in (*FINE, "3")}
+    slopes = {name: steepest(seen[f"slope@{name}"]) for name in (*FINE_SCALES, "3")}
     ways = _ways(slopes, start)
-    crossed = {FINE[0]: strided(seen[f"barrier@{FINE[0]}"]), FINE[1]: ways[0]}
+    crossed = {FINE_SCALES[0]: strided(seen[f"barrier@{FINE_SCALES[0]}"]), FINE_SCALES[1]: ways[0]}
     colours = np.empty((len(COLOURS), *start.shape), np.float32)
     write_strided(seen, COLOURS, colours)
     planes = [
@@ -118,20 +122,20 @@ def voted(odds: Plane, seen: Features) -> Plane:
     """Log odds of every ``STRIDE``-th pixel each way after their neighbours have voted, though not across edges."""
     found, lab = np.empty_like(odds), np.empty((len(FINEST), *odds.shape), np.float32)
     write_strided(seen, FINEST, lab)
-    _core.evidence_diffuse(np.ascontiguousarray(odds), lab, KEPT, CONTRAST, STEPS, found)
+    _core.evidence_diffuse(np.ascontiguousarray(odds), lab, OWN_WEIGHT, VOTE_CONTRAST, VOTE_STEPS, found)
     return found
 
 
 def _ways(slopes: dict[str, Plane], start: Image) -> list[Plane]:
     """What stands on ways from the start and from the frame of the image, and through passages only."""
     slope = slopes["1.5"]
-    planes = [plane for scale in WAYS[1:] for plane in barriers(slopes[f"{scale:g}"], start)]
+    planes = [plane for scale in GEODESIC_SCALES[1:] for plane in barriers(slopes[f"{scale:g}"], start)]
     length = np.empty_like(slope)
     geodesic(slope, start, length)
     own, frame = planes[0], barriers(slope, _frame(slope.shape, 1))[:2]
     usual = np.log(np.median(frame[0][start > 0]) + 1)
     planes += [length, frame[1], np.log((own + 1) / (frame[0] + 1)), np.full_like(slope, usual)]
-    for passage in PASSAGES:
+    for passage in PASSAGE_WIDTHS:
         planes += list(barriers(dilated(slope, passage), start)[1:])
     return planes
 
@@ -140,7 +144,7 @@ def _likenesses(seen: Features, colours: Plane) -> tuple[Plane, Plane]:
     """How much likelier the colour is in the frame of the image than in the image, and how it is round a pixel."""
     size = float(np.sqrt(seen.inside.shape[0] * seen.inside.shape[1]))
     likeness = np.empty_like(colours[0])
-    _core.evidence_likelihood(colours, _frame(likeness.shape, max(2, int(FRAME * size)) // STRIDE), likeness)
+    _core.evidence_likelihood(colours, _frame(likeness.shape, max(2, int(FRAME_WIDTH * size)) // STRIDE), likeness)
     return blurred(likeness, 1.0 / STRIDE), blurred(strided(seen["likeness"]), 3.0 / STRIDE)
 
 
@@ -148,10 +152,10 @@ def _compared(slopes: dict[str, Plane], crossed: dict[str, Plane], inside: Mask)
     """Gradients that must be crossed beside those usual near the start; the gradient in the start."""
     rows, columns = np.nonzero(inside)
     y, x = np.arange(inside.shape[0])[:, None] - rows.mean(), np.arange(inside.shape[1]) - columns.mean()
-    near = y * y + x * x <= NEAR**2 * np.count_nonzero(inside) / np.pi
-    usual = {name: np.median(slopes[name][near]) + FAINT for name in FINE}
-    planes = [np.log((crossed[name] * STEP + FAINT) / usual[name]) for name in FINE]
-    return [*planes, np.full_like(planes[0], np.log(np.median(slopes["1.5"][inside]) + FAINT))]
+    near = y * y + x * x <= NEAR_RADII**2 * np.count_nonzero(inside) / np.pi
+    usual = {name: np.median(slopes[name][near]) + GRADIENT_FLOOR for name in FINE_SCALES}
+    planes = [np.log((crossed[name] * GRADIENT_STEP + GRADIENT_FLOOR) / usual[name]) for name in FINE_SCALES]
+    return [*planes, np.full_like(planes[0], np.log(np.median(slopes["1.5"][inside]) + GRADIENT_FLOOR))]
 
 
 def steepest(slope: Plane) -> Plane:
@@ -173,7 +177,7 @@ def _frame(shape: tuple[int, int], width: int) -> Image:
 
 
 def barriers(heights: Plane, start: Image) -> Plane:
-    """What must be crossed on the minimax path from a start, a plane for each of ``BARRIER``."""
-    planes = np.empty((len(BARRIER), *heights.shape), np.float32)
-    _core.evidence_barrier(np.ascontiguousarray(heights), start, STEP, planes)
+    """What must be crossed on the minimax path from a start, a plane for each of ``BARRIER_FEATURES``."""
+    planes = np.empty((len(BARRIER_FEATURES), *heights.shape), np.float32)
+    _core.evidence_barrier(np.ascontiguousarray(heights), start, GRADIENT_STEP, planes)
     return planes

@@ -10,22 +10,22 @@ import numpy as np
 from ffseg.arrays import Array, Mask
 from ffseg.camera.model import Camera
 from ffseg.freespace.corners import match_corners
-from ffseg.freespace.pairs import CONFIDENT, ImagePair
+from ffseg.freespace.pairs import MIN_SIGMAS, ImagePair
 from ffseg.image.components import Component
 
 TILE = 60
 """Pixels; the strongest corners of each tile are matched, so that they lie all over the image."""
 ROBOT_MARGIN = 8.0
 """Pixels round the robot's disc without interest points: its border moves with the camera."""
-REACH = 60.0
+ZONE_REACH = 60.0
 """Pixels of the radial zone of a point, outward: a mark's depth, or as much of a box as is seen above its base."""
-NEAREST = 4.0
+MIN_CORNER_DISTANCE = 4.0
 """Pixels nearer than which two corners are one."""
-ALIKE, BEHIND = np.cos(np.deg2rad(30.0)), np.cos(np.deg2rad(60.0))
+ZONE_COSINE, BEHIND_COSINE = np.cos(np.deg2rad(30.0)), np.cos(np.deg2rad(60.0))
 """Half-angles of the radial zone: in which ground must be seen again, and in which nothing may stand up."""
-NEIGHBOUR = 28.0
+CLEAR_RADIUS = 28.0
 """Pixels within which nothing may stand up in any direction: two zones and a little."""
-ZONE = 12.0
+MASK_RADIUS = 12.0
 """Pixels round a point in which edges are switched off, or doubled."""
 
 
@@ -63,11 +63,11 @@ def altitude_points(pair: ImagePair, epsilon: float) -> AltitudePoints:
     """
     matches = match_corners(pair, list(_tiles(pair.camera)), epsilon)
     points = matches.current[matches.good]
-    highest = (matches.altitude + CONFIDENT * matches.altitude_sigma)[matches.good]
+    highest = (matches.altitude + MIN_SIGMAS * matches.altitude_sigma)[matches.good]
     high = highest >= epsilon
     low = ~high & _passable(points, high, pair.camera.center)
     used = low | high
-    rows = np.column_stack([points, highest, np.full(len(points), ZONE)])[used]
+    rows = np.column_stack([points, highest, np.full(len(points), MASK_RADIUS)])[used]
     return AltitudePoints(np.ascontiguousarray(rows), int(low.sum()))
 
 
@@ -78,9 +78,9 @@ def _passable(points: Array, high: Mask, center: tuple[float, float]) -> Mask:
     way = points[None] - points[:, None]
     distance = np.hypot(way[..., 0], way[..., 1])
     along = np.einsum("nkj,nj->nk", way, outward)
-    near = distance < REACH
-    again = near & (distance > NEAREST) & (along > ALIKE * distance) & ~high
-    upright = ((near & (along > BEHIND * distance)) | (distance < NEIGHBOUR)) & high
+    near = distance < ZONE_REACH
+    again = near & (distance > MIN_CORNER_DISTANCE) & (along > ZONE_COSINE * distance) & ~high
+    upright = ((near & (along > BEHIND_COSINE * distance)) | (distance < CLEAR_RADIUS)) & high
     passable: Mask = again.any(axis=1) & ~upright.any(axis=1)
     return passable
 

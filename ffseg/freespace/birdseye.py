@@ -14,11 +14,11 @@ from ffseg.io.overlays import Polyline, encode_overlay
 
 HALF_M, SCALE = 4.0, 80.0
 """Metres from the robot to each side, and pixels a metre."""
-NOTHING = 24
+UNSEEN_LEVEL = 24
 """Grey of what the camera does not show as ground."""
-BAR = np.array([[0.0, 0.0], [0.0, -6.0], [0.0, 0.0], [SCALE, 0.0], [SCALE, -6.0], [SCALE, 0.0]])
+SCALE_BAR = np.array([[0.0, 0.0], [0.0, -6.0], [0.0, 0.0], [SCALE, 0.0], [SCALE, -6.0], [SCALE, 0.0]])
 """A metre, with ticks at its ends; pixels."""
-LETTERS = (
+SCALE_LETTERS = (
     np.array([[-3.0, -9.0], [0.0, -12.0], [0.0, 0.0], [0.0, -12.0]]),
     np.array([[6.0, 0.0], [6.0, -8.0], [10.0, -8.0], [10.0, 0.0], [10.0, -8.0], [14.0, -8.0], [14.0, 0.0], [14.0, -8.0],
               [6.0, -8.0]]),
@@ -37,15 +37,15 @@ def birds_eye(image: Image, ground: Ground) -> bytes:
     """
     row, column, seen = _laid_out(ground.camera)
     seen = seen & ground.seen[row, column]
-    above = np.where(seen if image.ndim == 2 else seen[..., None], image[row, column], np.uint8(NOTHING))
+    above = np.where(seen if image.ndim == 2 else seen[..., None], image[row, column], np.uint8(UNSEEN_LEVEL))
     lines = [
         Polyline((HALF_M - ring[:, ::-1]) * SCALE - 0.5, "outer" if number == 0 else "obstacle")
         for rings in ground.polygons
         for number, ring in enumerate(rings)
     ]
     corner = np.array([16.0, above.shape[0] - 14.0])
-    lines.append(Polyline(corner + BAR, "untested"))
-    lines += [Polyline(corner + [SCALE / 2 - 6.0, -8.0] + stroke, "untested") for stroke in LETTERS]
+    lines.append(Polyline(corner + SCALE_BAR, "untested"))
+    lines += [Polyline(corner + [SCALE / 2 - 6.0, -8.0] + stroke, "untested") for stroke in SCALE_LETTERS]
     return encode_overlay(above, lines)
 
 

@@ -9,16 +9,16 @@ from functools import lru_cache
 import numpy as np
 
 from ffseg.arrays import Array, Indices, Mask
-from ffseg.freespace.motion.candidates import MOST_CORNERS
-from ffseg.freespace.pairs import LEAST_SCORE, NOISE_PX, ImagePair, MotionUncertainty, propagated
+from ffseg.freespace.motion.candidates import MAX_CORNERS
+from ffseg.freespace.pairs import MIN_SCORE, NOISE_PX, ImagePair, MotionUncertainty, propagated
 from ffseg.image.components import Component
 from ffseg.image.interest import InterestPoints, harris_points
 from ffseg.image.keypoints import Candidates, align_patches, patch_scores, plane_candidates
 
 CORNER_RADIUS = 4
-HOPELESS = 0.5
+MIN_COARSE_CORRELATION = 0.5
 """Correlation of every second row and column of a patch below which the whole will not come near a right match."""
-RIVAL = 2.5
+RIVAL_DISTANCE = 2.5
 """Pixels from the best place beyond which a second peak is another place."""
 RIVAL_MARGIN = 0.03
 """A second peak this close in correlation makes a match ambiguous: it then says nothing."""
@@ -62,7 +62,7 @@ def match_corners(
     Along its curve a match is as high as the plane that puts the corner there, and the nearness of that plane (one over
     its distance from the camera) grows evenly with the way along the curve.
     """
-    found = harris_points(pair.current, components, MOST_CORNERS) if corners is None else corners
+    found = harris_points(pair.current, components, MAX_CORNERS) if corners is None else corners
     start, rate, nearness, unique = _sweep(pair, found.pixels, epsilon)
     aligned = align_patches(pair.current, pair.previous, found.pixels, start, CORNER_RADIUS)
     moved, covariance = propagated(pair, found, uncertainty)
@@ -74,8 +74,8 @@ def match_corners(
         near = nearness + along
         altitude = pair.camera.mounting() - 1.0 / near
         sigma = np.sqrt(_match_variance(rate, start.warps[:, 0], covariance)) / (square * near**2)
-    stayed = np.sum(step**2, axis=1) < RIVAL**2
-    good = unique & stayed & (aligned.score > LEAST_SCORE) & (miss < REPROJECTION_GATE) & (near > 0)
+    stayed = np.sum(step**2, axis=1) < RIVAL_DISTANCE**2
+    good = unique & stayed & (aligned.score > MIN_SCORE) & (miss < REPROJECTION_GATE) & (near > 0)
     good &= np.isfinite(altitude) & np.isfinite(sigma)
     return Matches(found.owner, found.pixels, aligned.pixels, altitude, sigma, good)
 
@@ -92,16 +92,16 @@ def _match_variance(rate: Array, warps: Array, covariance: Array) -> Array:
     return variance
 
 
-HIGHEST = 0.7
+MAX_ALTITUDE = 0.7
 """Part of the mount height up to which altitudes are tried: above it a pixel sees the far wall past the thing's top."""
 FINE_STEPS, COARSE_STEPS = 6, 21
 
 
 @lru_cache(maxsize=4)
 def _altitudes(mounting: float, epsilon: float) -> Array:
-    """Altitudes tried: fine round the ground, then evenly in parallax up to ``HIGHEST``."""
+    """Altitudes tried: fine round the ground, then evenly in parallax up to ``MAX_ALTITUDE``."""
     fine = np.linspace(-epsilon, epsilon, FINE_STEPS)
-    nearness = np.linspace(1.0 / (mounting - epsilon), 1.0 / (mounting * (1.0 - HIGHEST)), COARSE_STEPS + 1)[1:]
+    nearness = np.linspace(1.0 / (mounting - epsilon), 1.0 / (mounting * (1.0 - MAX_ALTITUDE)), COARSE_STEPS + 1)[1:]
     altitudes: Array = np.concatenate([fine, mounting - 1.0 / nearness])
     altitudes.setflags(write=False)
     return altitudes
@@ -116,7 +116,7 @@ def _sweep(pair: ImagePair, points: Array, epsilon: float) -> tuple[Candidates, 
     mounting = pair.camera.mounting()
     altitudes = _altitudes(mounting, epsilon)
     candidates = plane_candidates(pair.camera, pair.motion, points, altitudes)
-    scores = patch_scores(pair.current, pair.previous, points, candidates, CORNER_RADIUS, HOPELESS)
+    scores = patch_scores(pair.current, pair.previous, points, candidates, CORNER_RADIUS, MIN_COARSE_CORRELATION)
     scores[np.isnan(scores)] = -1.0
     best = np.argmax(scores, axis=1) if scores.size else np.zeros(len(points), np.intp)
     rows, nearness = np.arange(len(points)), 1.0 / (mounting - altitudes)
@@ -126,7 +126,7 @@ def _sweep(pair: ImagePair, points: Array, epsilon: float) -> tuple[Candidates, 
     rate /= (nearness[high] - nearness[low])[:, None]
     top = scores[rows, best]
     step = candidates.pixels - place[:, None]
-    away = step[..., 0] ** 2 + step[..., 1] ** 2 > RIVAL**2
+    away = step[..., 0] ** 2 + step[..., 1] ** 2 > RIVAL_DISTANCE**2
     rival = np.where(away, scores, -1.0).max(axis=1, initial=-1.0)
     unique = (top > 0) & (rival < top - RIVAL_MARGIN)
     return Candidates(place[:, None], warp[:, None]), rate, nearness[best], unique

@@ -12,10 +12,10 @@ from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion
 from ffseg.freespace.window import Link
 
-SLACK, NOD_SLACK = 3.0, 2.0
+MAX_LEAN_SIGMAS, MAX_NOD_SIGMAS = 3.0, 2.0
 """Times the deviations that a pair states by which its lean and its nod are off: on 12 rendered drives that nod by 2 degrees the
 90th percentiles of these errors in deviations are 3 and 1.7 times those of two normal ones."""
-ASKEW, FEW = 5.0, 4
+LEAN_SIGMAS, MIN_PAIRS = 5.0, 4
 """Deviations of a pair's lean from which the mean of the drive's leans is believed, of so many pairs at least: it is 4.5 of them
 at most in 20 rendered drives that are level, and 1.7 in all but one."""
 LEVEL: tuple[Array, float] = np.zeros(2), 0.0
@@ -74,7 +74,7 @@ class Leans:
     def mean(self) -> Array:
         """How the camera leans on the whole: level, unless pairs surely show that it is mounted askew."""
         x, y, sigma, number = self._seen.tolist()
-        surely = number >= FEW and np.hypot(x, y) > ASKEW * sigma
+        surely = number >= MIN_PAIRS and np.hypot(x, y) > LEAN_SIGMAS * sigma
         return self._seen[:2] / number if surely else np.zeros(2)
 
     def of(self, name: str) -> tuple[Array, float]:
@@ -94,11 +94,11 @@ class Leans:
         nod, (c, s) = np.array(link.nod), (np.cos(link.planar[2]), np.sin(link.planar[2]))
         self._nods += [0.5 * nod @ nod, 2.0]
         self._seen += [seen.x, seen.y, seen.sigma, 1.0]
-        turn, added = np.array([[c, -s], [s, c]]), (NOD_SLACK * seen.nod_sigma) ** 2
+        turn, added = np.array([[c, -s], [s, c]]), (MAX_NOD_SIGMAS * seen.nod_sigma) ** 2
         before, variance = self._known[link.name]
         first = variance is None
         lean, variance = (before - nod) @ turn, (self.usual if variance is None else variance) + added
-        for other, its in ((self.mean, self.usual), (np.array([seen.x, seen.y]), (SLACK * seen.sigma) ** 2)):
+        for other, its in ((self.mean, self.usual), (np.array([seen.x, seen.y]), (MAX_LEAN_SIGMAS * seen.sigma) ** 2)):
             share = variance / max(variance + its, 1e-18)
             lean, variance = lean + share * (other - lean), (1.0 - share) * variance
         self._known[name] = lean, variance

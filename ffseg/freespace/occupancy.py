@@ -28,23 +28,23 @@ UNKNOWN_LEVEL, FREE_LEVEL, OCCUPIED_LEVEL = 128, 254, 0
 """Grey levels of map.pgm. map_saver's own 205 for unknown stands for 0.196 and would be read as free below 0.25."""
 BLOCK = 64
 """Cells by which the grid grows, so that a robot that drives on does not copy it at every frame."""
-MOST_CELLS = 2**25
+MAX_CELLS = 2**25
 """Of a map: 290 x 290 m of 5 cm. Map and graph take 118 bytes each at most (measured on maps of 5 and 18 million), 4 GB."""
-ALIKE = 0.3
+FRAME_CORRELATION = 0.3
 """Correlation between the errors of two frames' readings of a cell: they share the bias of the outline and much of the pose.
 So n of them are worth n / (1 + (n - 1) ALIKE) that err alone (Clemen and Winkler 1985, Limits for the precision and value of
 information from dependent sources). Measured on 20 rendered drives, by the likelihood of the cells of 1, 2, 4 and 20 frames."""
-REMEMBERED = 30.0
+MEMORY_FRAMES = 30.0
 """Frames that a cell is told by at most: with more, older ones fade, and what has moved away is forgotten."""
 ODOMETRY = 0.02, float(np.deg2rad(0.5))
 """Standard deviations of a step whose motion says none: relative to its length, and radians."""
-STEADY = 0.25
+MAX_LEAN_SHIFT = 0.25
 """Part of a cell by which one standard deviation of the camera's lean may move the ground where a frame is still believed. On 12
 rendered drives that nod .85 and more of the cells said .9 free are so, and .5 to .7 of them with a third."""
-UPRIGHT = float(np.cos(np.deg2rad(15.0)))
+MIN_UPRIGHT_COSINE = float(np.cos(np.deg2rad(15.0)))
 """Least cosine between the z axis of the poses' world and the camera's up or down: ramps rise by up to 9 degrees, and nods
 of 4.5 are believed."""
-ZOOM, WIDEST, MARGIN = 4, 2400, 8
+ZOOM, MAX_PICTURE_SIDE, MARGIN = 4, 2400, 8
 """Pixels of a cell in the picture, fewer where one of its sides would be longer than that many; cells round what is known."""
 
 
@@ -82,8 +82,8 @@ class OccupancyMap:
     def __init__(self, cell: float = 0.05, reach: float = 4.0) -> None:
         if not (cell > 0 and reach > 0 and np.isfinite([cell, reach]).all()):
             raise CalibrationError("cell and reach of a map are metres above 0")
-        if (2.0 * reach / cell) ** 2 > MOST_CELLS:
-            raise CalibrationError(f"a frame would hold more than {MOST_CELLS} cells; make them larger")
+        if (2.0 * reach / cell) ** 2 > MAX_CELLS:
+            raise CalibrationError(f"a frame would hold more than {MAX_CELLS} cells; make them larger")
         self.cell, self.reach = cell, reach
         self._told = np.zeros((2, 0, 0), np.float32)  # sums of log odds, and of the readings they are of
         self._corner = np.zeros(2, np.int64)  # cell number of the first column and row
@@ -100,7 +100,7 @@ class OccupancyMap:
     def probability(self) -> NDArray[np.float64]:
         """That a cell is occupied, shape (rows, columns): rows along y, columns along x, 0.5 where nothing is known."""
         odds, looks = self._told.astype(np.float64)
-        return 1.0 / (1.0 + np.exp(-odds / (1.0 + ALIKE * np.maximum(looks - 1.0, 0.0))))
+        return 1.0 / (1.0 + np.exp(-odds / (1.0 + FRAME_CORRELATION * np.maximum(looks - 1.0, 0.0))))
 
     @property
     def origin(self) -> tuple[float, float]:
@@ -194,7 +194,7 @@ class OccupancyMap:
 
     def _check_upright(self, up: Array) -> None:
         down = self._down or (-1.0 if up[2] > 0.0 else 1.0)
-        if -down * up[2] < UPRIGHT:
+        if -down * up[2] < MIN_UPRIGHT_COSINE:
             raise CalibrationError(
                 f"the camera's up is ({up[0]:.2f}, {up[1]:.2f}, {up[2]:.2f}) in the world of its pose; a map needs a world "
                 "whose z axis is vertical, up or down for all poses: turn the poses into such a one"
@@ -205,11 +205,11 @@ class OccupancyMap:
         last, place = self._last or station, np.array([station.x, self._flip * station.y])
         first, end = self._corner * self.cell, (self._corner + self._told.shape[:0:-1]) * self.cell
         width, height = (np.maximum(end, place + self.reach) - np.minimum(first, place - self.reach)).tolist()
-        if self._last is not None and width * height > MOST_CELLS * self.cell**2:
+        if self._last is not None and width * height > MAX_CELLS * self.cell**2:
             far = float(np.hypot(station.x - last.x, station.y - last.y))
             raise CalibrationError(
                 f"the frame lies {far:.0f} m from the last one in the map, which would be {width:.0f} x {height:.0f} m with it, "
-                f"more than {MOST_CELLS} cells of {self.cell:g} m; check its pose and the unit, or map the drive in parts"
+                f"more than {MAX_CELLS} cells of {self.cell:g} m; check its pose and the unit, or map the drive in parts"
             )
 
     def _between(self, by_pose: Station, led: Station, step: tuple[float, float], *, stated: bool) -> Station:
@@ -234,14 +234,14 @@ class OccupancyMap:
         self._grow(low, count)
         self._lens = self._lens or seen.camera
         lean, sigma = self._leans.of(name)
-        height, moves = seen.camera.mounting(), STEADY * self.cell / max(sigma, 1e-9)
+        height, moves = seen.camera.mounting(), MAX_LEAN_SHIFT * self.cell / max(sigma, 1e-9)
         near = min(self.reach, float(np.sqrt(max(height * (moves - height), 0.0))))
         cells = Window(station, (low + 0.5) * step, step, count, near, _levelled(seen.camera, lean))
         seen_cells, chance = read_cells(seen, self._lens, cells, self.reach)
         column, row = (low - self._corner).tolist()
         window = self._told[:, row : row + count, column : column + count]
         new = seen_cells.astype(np.float32)
-        window *= 1.0 - new / np.float32(REMEMBERED)
+        window *= 1.0 - new / np.float32(MEMORY_FRAMES)
         window[0] += np.log(1.0 / chance - 1.0) * new
         window[1] += new
 
@@ -319,7 +319,7 @@ class OccupancyMap:
             raise OutputError("the map is empty: no frame has a place on it")
         low, high = self._bounds()
         grey = np.rint(255.0 * (1.0 - self.probability[low[1] : high[1], low[0] : high[0]][::-1])).astype(np.uint8)
-        zoom = max(1, min(ZOOM, WIDEST // max(grey.shape)))
+        zoom = max(1, min(ZOOM, MAX_PICTURE_SIDE // max(grey.shape)))
         large = grey.repeat(zoom, axis=0).repeat(zoom, axis=1)
         way = np.array([[one.x, one.y] for one in self.stations if one is not None]).reshape(-1, 2)
         drawn: list[tuple[Array, Kind]] = [(edge.points, "false") for edge in (ways.edges if ways else ())]

@@ -19,9 +19,9 @@ from ffseg.image.free import deeper
 from ffseg.image.polygons import polygons
 from ffseg.image.resized import read_at
 
-MOST_BEARINGS = 30_000
+MAX_BEARINGS = 30_000
 """Of a scan: one each 0.012 degrees."""
-REACH = 6.0
+MAX_RANGE = 6.0
 """Metres: beyond it a pixel of a mirror over a robot shows a quarter of a metre, and its outline tells nothing."""
 RIM_PX = 2.5
 """An outline so near to where the camera's view or the domain ends is that end, and no obstacle."""
@@ -158,8 +158,8 @@ class Ground:
         A ray ends where it first leaves the free space; under a robot that its camera does not show, free space begins
         somewhere ahead.
         """
-        if isinstance(count, bool) or not (isinstance(count, int | np.integer) and 1 <= count <= MOST_BEARINGS):
-            raise ParameterError(f"count is {count!r}; give how many bearings, from 1 to {MOST_BEARINGS}")
+        if isinstance(count, bool) or not (isinstance(count, int | np.integer) and 1 <= count <= MAX_BEARINGS):
+            raise ParameterError(f"count is {count!r}; give how many bearings, from 1 to {MAX_BEARINGS}")
         bearings = -np.pi + 2.0 * np.pi * np.arange(count) / count
         ranges = _first_exits([ring for rings in self.polygons for ring in rings], count)
         points = ranges[:, None] * np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
@@ -173,7 +173,7 @@ class Ground:
 
 
 def ground_of(
-    mask: Mask, contours: Sequence[FreeForm], camera: Camera, reach: float = REACH, domain: Mask | None = None
+    mask: Mask, contours: Sequence[FreeForm], camera: Camera, reach: float = MAX_RANGE, domain: Mask | None = None
 ) -> Ground:
     """Lay free space on the ground.
 

@@ -7,20 +7,20 @@ from collections.abc import Sequence
 import numpy as np
 
 from ffseg.arrays import Array, Image, Indices, Mask
-from ffseg.freespace.pairs import CONFIDENT, LEAST_SCORE, NOISE_PX, ImagePair, MotionUncertainty, propagated
+from ffseg.freespace.pairs import MIN_SCORE, MIN_SIGMAS, NOISE_PX, ImagePair, MotionUncertainty, propagated
 from ffseg.image.components import Component
 from ffseg.image.interest import outline_points
 from ffseg.image.keypoints import Alignments, Candidates, align_patches, limited_information, plane_candidates
 
-MOST_OUTLINE = 22
+MAX_SAMPLES = 22
 """Outline samples per component: one every few pixels of a mark of middling size."""
 OUTLINE_RADIUS = 3
 OUTLINE_STEPS = 4
 """A sample on the ground starts where it belongs and takes two; one that needs more is not on the ground."""
 MISS_GATE = 16.0
 """Four standard deviations across the epipolar curve."""
-MOST_NOISE = 0.08
-"""Part of a sample's contrast that may be noise: with twice as much right matches fall short of ``LEAST_SCORE``."""
+MAX_NOISE = 0.08
+"""Part of a sample's contrast that may be noise: with twice as much right matches fall short of ``MIN_SCORE``."""
 
 
 def outline_votes(
@@ -35,13 +35,13 @@ def outline_votes(
     A sample is aligned from where the ground would put it. Its displacement along the epipolar curve is an altitude,
     as certain as the edge crosses the curve; across the curve it must be small. Samples that cannot tell are left out.
     """
-    found = outline_points(pair.current, components, MOST_OUTLINE)
+    found = outline_points(pair.current, components, MAX_SAMPLES)
     ground = plane_candidates(pair.camera, pair.motion, found.pixels, np.array([0.0, epsilon]))
     start = Candidates(ground.pixels[:, :1], ground.warps[:, :1])
     aligned = align_patches(pair.current, pair.previous, found.pixels, start, OUTLINE_RADIUS, OUTLINE_STEPS)
     shift, covariance = propagated(pair, found, uncertainty)
     flat, raised = _judge(aligned, ground, shift, covariance)
-    tells = pair.noise**2 < MOST_NOISE * _contrast(pair.current, found.pixels)
+    tells = pair.noise**2 < MAX_NOISE * _contrast(pair.current, found.pixels)
     flat, raised, count = flat & tells, raised & tells, len(components)
     if samples is not None:
         samples.append(np.column_stack([found.pixels, flat.astype(np.float64) - raised]))
@@ -72,9 +72,9 @@ def _judge(aligned: Alignments, ground: Candidates, moved: Array, covariance: Ar
         sigma = 1.0 / np.sqrt(certainty)
         left = shift - altitude[:, None] * parallax
         miss = np.einsum("ni,nij,nj->n", left, information, left)
-        similar = aligned.score > LEAST_SCORE
-        raised = ~similar | (np.abs(altitude) - CONFIDENT * sigma > 1.0) | (miss > MISS_GATE)
-        flat = similar & (np.abs(altitude) + CONFIDENT * sigma < 1.0) & ~raised
+        similar = aligned.score > MIN_SCORE
+        raised = ~similar | (np.abs(altitude) - MIN_SIGMAS * sigma > 1.0) | (miss > MISS_GATE)
+        flat = similar & (np.abs(altitude) + MIN_SIGMAS * sigma < 1.0) & ~raised
     seen = np.isfinite(aligned.score) & np.isfinite(parallax).all(axis=1)
     return flat & seen, raised & seen
 

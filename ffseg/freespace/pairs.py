@@ -12,11 +12,11 @@ from ffseg.camera.motion import Motion
 from ffseg.freespace.motion.ground import Doubt, GroundFit, position_slopes, shared_doubt
 from ffseg.image.interest import InterestPoints
 
-LEAST_SCORE = 0.85
+MIN_SCORE = 0.85
 """Correlation of a right match; wrong ones of 9x9 patches rarely pass 0.7."""
 NOISE_PX = 0.2
 """Standard deviation of a match per axis: what rendered and measured board corners show."""
-CONFIDENT = 2.0
+MIN_SIGMAS = 2.0
 """Standard deviations that an altitude must keep from the threshold to speak."""
 
 
@@ -64,7 +64,7 @@ class MotionUncertainty:
         return MotionUncertainty(self.doubt.of(places), self.shift[places], self.covariance[places], self.small)
 
 
-SMALL_SWAY = 0.1
+MAX_SWAY = 0.1
 """Pixels, half of what a match is good to: a third of it, by which a component's ends may differ, is lost in that."""
 
 
@@ -73,7 +73,7 @@ def motion_uncertainty(pair: ImagePair, middles: Array, doubt: Doubt, fit: Groun
     slopes = position_slopes(pair.camera, pair.motion, middles) if fit is None else fit.slopes_near(middles)
     shift, covariance = _expected(slopes, doubt, np.arange(len(middles)))
     worst = max(np.abs(shift).max(initial=0.0), np.sqrt(np.trace(covariance, axis1=1, axis2=2).max(initial=0.0)))
-    return MotionUncertainty(doubt, shift, covariance, bool(worst < SMALL_SWAY))
+    return MotionUncertainty(doubt, shift, covariance, bool(worst < MAX_SWAY))
 
 
 def propagated(pair: ImagePair, found: InterestPoints, uncertainty: MotionUncertainty | None) -> tuple[Array, Array]:

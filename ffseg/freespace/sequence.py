@@ -18,11 +18,11 @@ from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion, Pose, planar_parameters, relative_motion, require_camera, require_pose
 from ffseg.errors import CalibrationError, ParameterError, SegmentationError
 from ffseg.freespace.altitudes import altitude_points
-from ffseg.freespace.leans import SLACK, lean_of
+from ffseg.freespace.leans import MAX_LEAN_SIGMAS, lean_of
 from ffseg.freespace.motion.candidates import SegmentedImage, outer_joints
 from ffseg.freespace.motion.egomotion import pair_motion
 from ffseg.freespace.motion.ground import GroundFit
-from ffseg.freespace.outline import REACH, Ground, Scan, ground_of
+from ffseg.freespace.outline import MAX_RANGE, Ground, Scan, ground_of
 from ffseg.freespace.pairs import ImagePair
 from ffseg.freespace.structural import ComponentVerdict
 from ffseg.freespace.tracks import ObstacleTracks
@@ -48,7 +48,7 @@ from ffseg.plugins import method as row_of
 from ffseg.result import Segmentation, Timings
 from ffseg.scene import Scene
 
-LEANS = 3.0
+LEAN_SIGMAS = 3.0
 """Standard deviations from which a lean that a pair shows is believed: of level cameras one image in a hundred shows as much.
 With a pair's 2 mrad the ground would lie 3 cm off at 3.5 m, half a pixel, where an outline is good to a twentieth."""
 START_MARGIN = 8.0
@@ -124,7 +124,7 @@ class Frame:
     lens: Camera | None = None
     domain: NDArray[np.bool_] | None = None
 
-    def ground(self, reach: float = REACH) -> Ground:
+    def ground(self, reach: float = MAX_RANGE) -> Ground:
         """The free space in metres: polygons with holes in the robot's frame.
 
         Parameters
@@ -139,11 +139,11 @@ class Frame:
         """
         camera = self.standing()
         lean = None if camera is self.lens else lean_of(self.lens, self.camera, self.motion)
-        sigma = 0.0 if lean is None else SLACK * lean.sigma
+        sigma = 0.0 if lean is None else MAX_LEAN_SIGMAS * lean.sigma
         found = ground_of(self.mask, self.contours, camera, reach, self.domain)
         return replace(found, lean_sigma=sigma)
 
-    def scan(self, count: int = 360, reach: float = REACH) -> Scan:
+    def scan(self, count: int = 360, reach: float = MAX_RANGE) -> Scan:
         """Where the free space ends on so many bearings all round, as a laser scanner would say it.
 
         Raises
@@ -167,7 +167,7 @@ class Frame:
             return self.lens
         lean = (self.lens.level() @ self.camera.up)[:2]
         error = self.motion.errors()[:, 6:] @ lean
-        return self.camera if (lean @ lean) ** 2 > LEANS**2 * (error @ error) else self.lens
+        return self.camera if (lean @ lean) ** 2 > LEAN_SIGMAS**2 * (error @ error) else self.lens
 
     def __repr__(self) -> str:
         verdicts = Counter(row.verdict for row in self.components)

@@ -14,7 +14,7 @@ from ffseg.errors import CalibrationError
 from ffseg.freespace.leans import Lean, lean_of
 from ffseg.freespace.sequence import Frame
 from ffseg.freespace.window import Link
-from ffseg.image.resized import NOWHERE, laid_out, of_shares, read_at
+from ffseg.image.resized import OUTSIDE, laid_out, of_shares, read_at
 
 BAND = 0.1
 """Metres behind an outline that are told occupied: what stands there has a front, and nothing is known of its depth."""
@@ -22,18 +22,18 @@ ERRS_FREE, ERRS_OCCUPIED = 0.005, 0.015
 """Readings well inside and well behind an outline that err for reasons which no noise of pixels explains. On rendered drives
 three cells in ten thousand inside one are not free, but nothing moves there, and one in thirty behind it is free, but in
 frames alike."""
-SHARP = 1.7
+SHARPNESS = 1.7
 """Log odds that the ground at a place is free, over those of the mask read there between its pixels: what a straight edge at
 any angle and place comes to (1.64 to 1.76 for every reading; tests/unit/test_occupancy.py)."""
 TABLE, BEYOND = 0.05, 1.4
 """Metres between the places on the ground whose pixels are kept (linear between them, a millimetre is lost), and how
 many times the reach they cover: a camera that leans sees farther on one side."""
-STILL = 0.2
+MAX_POSE_ERROR = 0.2
 """Part of a cell that a pose may be off by, at the frame's reach, and moves nothing that a map shows: what cells are said to be
 comes true as often as with a twentieth, and most frames are read at one place instead of four."""
-CORNERS = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
+SIGMA_POINTS = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
 """Four places round a pose, in standard deviations of x, y and turn, with the pose's own mean and covariance."""
-HALF = 127
+FREE_LEVEL = 127
 """Grey level above which a mask read between its pixels is rather free than not."""
 
 
@@ -142,8 +142,8 @@ def read_cells(seen: Sighting, lens: Camera, window: Window, reach: float) -> tu
     inside = 255 * (seen.mask >= shown).view(np.uint8)  # where the view or the domain ends is no outline
     pixels = [window.laid(table, lens)]
     covered = window.within() & (read_at(shown.view(np.uint8), *pixels[0][:2], nearest=True) > 0)
-    if station.sigma_m + reach * station.sigma_rad >= STILL * window.step[0]:
-        around = CORNERS * [station.sigma_m, station.sigma_m, station.sigma_rad]
+    if station.sigma_m + reach * station.sigma_rad >= MAX_POSE_ERROR * window.step[0]:
+        around = SIGMA_POINTS * [station.sigma_m, station.sigma_m, station.sigma_rad]
         beside = [
             replace(station, x=station.x + x, y=station.y + y, theta=station.theta + turn) for x, y, turn in around
         ]
@@ -152,8 +152,8 @@ def read_cells(seen: Sighting, lens: Camera, window: Window, reach: float) -> tu
     for one in pixels:
         own = read_at(inside, *one[:2])
         most = np.maximum(own, read_at(inside, *one[2:]))
-        often += most > HALF
-        free += np.where(most > HALF, of_shares(own, most, chances), np.float32(0.5))
+        often += most > FREE_LEVEL
+        free += np.where(most > FREE_LEVEL, of_shares(own, most, chances), np.float32(0.5))
     return covered & (2 * often > len(pixels)), free / np.float32(len(pixels))
 
 
@@ -193,7 +193,7 @@ class Window:
 @lru_cache(maxsize=1)
 def _chances() -> Plane:
     """That ground is free where so many 255ths of its mask are, shape (256,)."""
-    part = np.linspace(0.0, 1.0, 256) ** SHARP
+    part = np.linspace(0.0, 1.0, 256) ** SHARPNESS
     sharp = part / (part + part[::-1])
     return (ERRS_OCCUPIED + (1.0 - ERRS_OCCUPIED - ERRS_FREE) * sharp).astype(np.float32)
 
@@ -210,4 +210,4 @@ def _ground_pixels(camera: Camera, reach: float) -> Plane:
     places = [np.stack([share * x, share * y, np.full_like(x, camera.mounting())], axis=-1) for share in (1.0, nearer)]
     shown, before = (camera.project(place @ camera.level()) for place in places)
     pixels = np.concatenate([shown, before], axis=-1)
-    return np.where(np.isfinite(pixels), pixels, NOWHERE).astype(np.float32)
+    return np.where(np.isfinite(pixels), pixels, OUTSIDE).astype(np.float32)

@@ -19,12 +19,12 @@ from ffseg.io.files import make_folder, write_all_atomic
 
 Cell = tuple[int, int]
 NodeKind = Literal["junction", "end", "frontier"]
-LEAST_SPREAD = 0.4
+MIN_SPREAD = 0.4
 """Metres between the two outlines that a branch lies between: steps of cells and small dents make no branch."""
-LINE, RIM = 0.04, 0.5
+LINE_WIDTH, FRAME_WIDTH = 0.04, 0.5
 """Metres that a line of the drawing is wide, and that it shows round the graph."""
 COLOURS: dict[NodeKind, str] = {"junction": "#2563eb", "end": "#111827", "frontier": "#f59e0b"}
-AROUND = ((-1, -1), (-1, 0), (-1, 1), (0, 1), (1, 1), (1, 0), (1, -1), (0, -1))
+NEIGHBOURS = ((-1, -1), (-1, 0), (-1, 1), (0, 1), (1, 1), (1, 0), (1, -1), (0, -1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,19 +143,18 @@ class Skeleton:
         """SVG in metres, y up as on the map: a line for each edge and a circle for each node, which say what they are."""
         places = np.array([[one.x, one.y] for one in self.nodes]).reshape(-1, 2)
         around = np.concatenate([places, *(edge.points for edge in self.edges)]) if len(places) else np.zeros((1, 2))
-        (left, low), (width, height) = around.min(axis=0) - RIM, np.ptp(around, axis=0) + 2 * RIM
+        (left, low), (width, height) = around.min(axis=0) - FRAME_WIDTH, np.ptp(around, axis=0) + 2 * FRAME_WIDTH
         view = f"{left:.3f} {-low - height:.3f} {width:.3f} {height:.3f}"
         lines = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{view}"><g transform="scale(1 -1)">']
         for way in self.edges:
             path = " ".join(f"{x:.3f},{y:.3f}" for x, y in way.points.tolist())
             title = f"<title>{way.length_m:.2f} m long, {way.width_m:.2f} m wide</title>"
-            lines.append(
-                f'<polyline points="{path}" fill="none" stroke="{COLOURS["junction"]}" stroke-width="{LINE}">{title}</polyline>'
-            )
+            stroke = f'fill="none" stroke="{COLOURS["junction"]}" stroke-width="{LINE_WIDTH}"'
+            lines.append(f'<polyline points="{path}" {stroke}>{title}</polyline>')
         for one in self.nodes:
             title = f"<title>{one.kind}, {one.clearance_m:.2f} m clear</title>"
             lines.append(
-                f'<circle cx="{one.x:.3f}" cy="{one.y:.3f}" r="{2 * LINE}" fill="{COLOURS[one.kind]}">{title}</circle>'
+                f'<circle cx="{one.x:.3f}" cy="{one.y:.3f}" r="{2 * LINE_WIDTH}" fill="{COLOURS[one.kind]}">{title}</circle>'
             )
         return "\n".join([*lines, "</g></svg>", ""])
 
@@ -193,14 +192,14 @@ def skeleton_of(free: Mask, unknown: Mask, cell: float, origin: tuple[float, flo
     Notes
     -----
     Cells are taken away from the outlines inward in the order of their distance from them, as long as nothing comes
-    apart or together by it; those between outlines farther apart than ``LEAST_SPREAD`` stay (the integer medial axis of
+    apart or together by it; those between outlines farther apart than ``MIN_SPREAD`` stay (the integer medial axis of
     Hesselink and Roerdink, 2008). So the graph has the loops of the ground that the robot's middle may be on.
     """
     far, outside = nearest_outside(free)
     aside = np.abs(np.moveaxis(outside, -1, 0) - np.indices(free.shape))
     room = np.hypot(*np.maximum(aside - 0.5, 0.0)) * cell  # metres to the side or corner of that cell
     drivable = free & (room >= footprint)
-    anchors = drivable & _between(outside, max(LEAST_SPREAD, footprint) / cell)
+    anchors = drivable & _between(outside, max(MIN_SPREAD, footprint) / cell)
     thin = _thinned(_thinned(drivable, far, anchors), far, np.zeros_like(free))
     return _graph(thin, far, room, unknown, cell, origin)
 
@@ -233,7 +232,7 @@ def _thinned(cells: Mask, far: NDArray[np.float32], anchors: Mask) -> Mask:
         if not _simple(pattern) or (ends and pattern.bit_count() == 1):
             continue
         left.discard((row, column))
-        for down, right in AROUND:
+        for down, right in NEIGHBOURS:
             place = row + down, column + right
             if place in left and place not in kept:
                 heapq.heappush(queue, (order[place[0]][place[1]], *place))
@@ -244,8 +243,8 @@ def _thinned(cells: Mask, far: NDArray[np.float32], anchors: Mask) -> Mask:
 
 
 def _pattern(cells: set[Cell], row: int, column: int) -> int:
-    """The eight cells round one as bits, in the order of `AROUND`."""
-    return sum(1 << bit for bit, (down, right) in enumerate(AROUND) if (row + down, column + right) in cells)
+    """The eight cells round one as bits, in the order of `NEIGHBOURS`."""
+    return sum(1 << bit for bit, (down, right) in enumerate(NEIGHBOURS) if (row + down, column + right) in cells)
 
 
 @cache
@@ -296,8 +295,8 @@ def _near(unknown: Mask, place: Cell, far: float) -> bool:
 def _neighbours(one: Cell, cells: set[Cell]) -> list[Cell]:
     """Cells beside one; over a corner only where no side leads there."""
     row, column = one
-    found = [(row + down, column + right) for down, right in AROUND[1::2] if (row + down, column + right) in cells]
-    for down, right in AROUND[::2]:
+    found = [(row + down, column + right) for down, right in NEIGHBOURS[1::2] if (row + down, column + right) in cells]
+    for down, right in NEIGHBOURS[::2]:
         if (row + down, column + right) in cells and not {(row + down, column), (row, column + right)} & cells:
             found.append((row + down, column + right))
     return found

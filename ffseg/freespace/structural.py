@@ -13,22 +13,22 @@ from ffseg.arrays import Array
 from ffseg.freespace.corners import Matches, match_corners
 from ffseg.freespace.motion.ground import GroundFit, shared_doubt
 from ffseg.freespace.outlines import outline_votes
-from ffseg.freespace.pairs import CONFIDENT, ImagePair, motion_uncertainty
+from ffseg.freespace.pairs import MIN_SIGMAS, ImagePair, motion_uncertainty
 from ffseg.image.components import Component
 from ffseg.image.interest import InterestPoints
 
 Verdict = Literal["obstacle", "false_obstacle", "untested"]
 
-LEAST_AREA = 30
+MIN_AREA = 30
 """Pixels; of a smaller component a corner's patch of 9x9 pixels shows more of what is round it than of itself."""
-LEAST_FLAT = 4
+MIN_FLAT = 4
 """Samples that must speak for the ground before anything is merged."""
-LEAST_BOTH = 6
+MIN_SAMPLES = 6
 """Samples and corners together that do as well where nothing contradicts: of a line along the way the robot took, only
 its ends can tell."""
 LOW_PER_HIGH = 5
 """Corners surely on the ground that outweigh one found above it: one wrong match in six is what gates let through."""
-MOST_RAISED = 0.2
+MAX_RAISED = 0.2
 """Share of the speaking samples that may contradict. Measured on rendered pairs: marks 0, boxes 0.57 and more."""
 
 
@@ -112,7 +112,7 @@ def structural_test(
         Takes an array of shape (n, 3): x, y of each sample of an outline, and 1 where it speaks for the ground, -1
         against it, 0 where it says nothing.
     corners : InterestPoints, optional
-        The components' ``MOST_CORNERS`` strongest Harris corners, where they were looked for already.
+        The components' ``MAX_CORNERS`` strongest Harris corners, where they were looked for already.
 
     Notes
     -----
@@ -123,17 +123,17 @@ def structural_test(
     doubt = shared_doubt(pair.motion, len(components)) if fit is None else fit.without(len(components))
     places = [component.centroid for component in components]
     areas = [component.area for component in components]
-    large = np.array(areas, np.intp) >= LEAST_AREA
+    large = np.array(areas, np.intp) >= MIN_AREA
     uncertainty = motion_uncertainty(pair, np.array(places).reshape(-1, 2), doubt, fit)
     votes = _corner_votes(match_corners(pair, components, epsilon, uncertainty, corners), len(components), epsilon)
     flat, raised = np.zeros((2, len(components)), np.intp)
     on_ground = np.flatnonzero(votes.on_ground).tolist()
     own = [components[place] for place in on_ground]
     flat[on_ground], raised[on_ground] = outline_votes(pair, own, epsilon, uncertainty.of(on_ground), samples)
-    spoken = (flat >= LEAST_FLAT) | ((flat >= 2) & (raised == 0) & (votes.high == 0) & (flat + votes.low >= LEAST_BOTH))
-    merged = large & votes.on_ground & doubt.known & spoken & (raised <= MOST_RAISED * (flat + raised))
+    spoken = (flat >= MIN_FLAT) | ((flat >= 2) & (raised == 0) & (votes.high == 0) & (flat + votes.low >= MIN_SAMPLES))
+    merged = large & votes.on_ground & doubt.known & spoken & (raised <= MAX_RAISED * (flat + raised))
     tested = large & doubt.known & (votes.matched > 0)
-    stands = tested & ((votes.high >= 2) | (raised > np.maximum(LEAST_FLAT, MOST_RAISED * (flat + raised))))
+    stands = tested & ((votes.high >= 2) | (raised > np.maximum(MIN_FLAT, MAX_RAISED * (flat + raised))))
     return tuple(
         ComponentVerdict(
             component.index, areas[place], *places[place],
@@ -163,7 +163,7 @@ class _CornerVotes:
 
 def _corner_votes(matches: Matches, count: int, epsilon: float) -> _CornerVotes:
     owner, altitude = matches.owner[matches.good], matches.altitude[matches.good]
-    sure = altitude + CONFIDENT * matches.altitude_sigma[matches.good] < epsilon
+    sure = altitude + MIN_SIGMAS * matches.altitude_sigma[matches.good] < epsilon
     low = np.bincount(owner[sure], minlength=count)
     high = np.bincount(owner[altitude >= epsilon], minlength=count)
     matched = np.bincount(owner, minlength=count)

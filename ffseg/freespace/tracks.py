@@ -9,7 +9,7 @@ import numpy as np
 
 from ffseg.arrays import Array
 
-NEAR = 0.25
+MAX_DISTANCE = 0.25
 """Metres between a component's place and where the motion puts it: paint keeps it to a pixel or two, the visible part of
 a box shifts with the view by up to its height over the camera's."""
 
@@ -31,7 +31,7 @@ def associate(now: Array, before: Array) -> list[int]:
 
     Notes
     -----
-    Two places are the same thing when each is the nearest of the other and they lie less than ``NEAR`` apart.
+    Two places are the same thing when each is the nearest of the other and they lie less than ``MAX_DISTANCE`` apart.
     """
     if not len(now) or not len(before):
         return [-1] * len(now)
@@ -39,7 +39,7 @@ def associate(now: Array, before: Array) -> list[int]:
     apart = np.where(np.isfinite(apart), apart, np.inf)
     nearest, back = apart.argmin(axis=1), apart.argmin(axis=0)
     rows = range(len(now))
-    return [int(nearest[i]) if back[nearest[i]] == i and apart[i, nearest[i]] < NEAR else -1 for i in rows]
+    return [int(nearest[i]) if back[nearest[i]] == i and apart[i, nearest[i]] < MAX_DISTANCE else -1 for i in rows]
 
 
 class ObstacleTracks:

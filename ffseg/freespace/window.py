@@ -20,7 +20,7 @@ from ffseg.image.planes import pixel_noise
 
 WINDOW = 8
 """Earlier images that are kept: at a step of 5 cm the farthest lies 0.4 m back."""
-MOST_ASKED = 3
+MAX_PAIRS = 3
 """Pairs with a motion that are asked of one image; the others would cost more than they settle."""
 
 NO_SAMPLES = np.empty((0, 3))
@@ -150,7 +150,7 @@ def window_verdicts(
         )
         rows = tuple(map(_better, rows, found))
         links += _links(view.name, camera, pair)
-        if len(links) == MOST_ASKED or all(row.decided for row in rows):
+        if len(links) == MAX_PAIRS or all(row.decided for row in rows):
             break
     rows = rows if links else _placed(rows, camera)
     used = tuple(links or still[:1])
@@ -165,7 +165,7 @@ def window_motion(
     Parameters
     ----------
     current, scenery, earlier, camera, epsilon
-        As `window_verdicts` takes them; ``MOST_ASKED`` images are asked at most.
+        As `window_verdicts` takes them; ``MAX_PAIRS`` images are asked at most.
 
     Raises
     ------
@@ -173,7 +173,7 @@ def window_motion(
         When an earlier image has another size.
     """
     candidates, note = ground_candidates(camera, current, segmented), NOTHING_ENCLOSED
-    for view in itertools.islice(earlier, MOST_ASKED):
+    for view in itertools.islice(earlier, MAX_PAIRS):
         camera.check_size(view.image.shape[1], view.image.shape[0], "the previous image")
         pair = pair_motion(camera, (grey_image(view.image), current), view.poses, segmented, epsilon, candidates)
         note = f"{NOTHING_ENCLOSED}; {pair.note}"

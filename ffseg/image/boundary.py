@@ -14,26 +14,28 @@ from ffseg.image.edges import AUTO_HIGH_MIN, GRADIENT_SCALE, EdgeMap
 from ffseg.image.raster import rasterize
 from ffseg.native import _core
 
-CLEAR_SHARE = 0.1
-"""So much of a boundary may be fainter: corners and crossings, where no gradient has one direction."""
+FAINT_FRACTION = 0.1
+"""Fraction of a clear boundary that may be faint: at corners and crossings the gradient has no single direction."""
 
-CLEAR = 2.5
-"""Edges are clear that have this many times the strength an edge needs. On drawings the faint tenth of a contour that is right
-(IoU .9) has 3.27 times or more (41 of 44), of one that is wrong 2.39 at most (59)."""
+CLEAR_STRENGTH = 2.5
+"""An edge is clear if its strength is at least this multiple of the edge threshold. On drawings the faintest tenth of a
+correct contour (IoU .9) reaches 3.27 or more (41 of 44), that of a wrong one 2.39 at most (59)."""
 
-PLAIN_FAINTEST, PLAIN = 1.25, 0.6
-"""In strong noise the edges of a plain region are clear enough at 1.25 times (all but a twentieth): plain is a region
-where nine tenths of the gradients are below 0.6 times what an edge needs, as noise alone gives (0.46)."""
+PLAIN_STRENGTH, PLAIN_GRADIENT = 1.25, 0.6
+"""In strong noise the boundary of a plain region is clear at this lower multiple (over all but a twentieth of its
+length). A region is plain if nine tenths of its gradients lie below the second value times the edge threshold; noise
+alone gives 0.46."""
 
-MARGIN = 3
-"""Pixels from the border of the image or the domain within which no edge is looked for."""
+BORDER_MARGIN = 3
+"""Pixels from the border of the image or the domain within which no edge is expected."""
 
-SAMPLE = 4
-"""Every fourth pixel each way shows how plain a region is."""
+SAMPLE_STEP = 4
+"""Every fourth pixel in each direction is sampled to decide whether a region is plain."""
 
-EVERY, ENOUGH, DOUBTED = 48, 20, 0.5
-"""A contour on the way is looked at every so many iterations, once it has met edges at so many joints, and given up when more
-than this share of them are faint. It only saves time: of 1324 drawings and scenes, 436 of which come out clear, none changes."""
+CHECK_INTERVAL, MIN_JOINTS, MAX_DOUBTED_FRACTION = 48, 20, 0.5
+"""The trial contour is checked after every so many iterations, once at least so many joints lie on edges, and stopped if
+more than this fraction of them is faint. Saves time only: of 1324 drawings and scenes, 436 with a clear boundary, no
+result changes."""
 
 
 class FaintError(Exception):
@@ -46,13 +48,13 @@ class Boundary:
     Parameters
     ----------
     contours : tuple of FreeForm, or None
-        Looked at are their joints, but those within `MARGIN` pixels of the border of the image or the domain: the largest
+        Looked at are their joints, but those within `BORDER_MARGIN` pixels of the border of the image or the domain: the largest
         of nine gradients, in high thresholds.
     """
 
     def __init__(self, contours: tuple[FreeForm, ...] | None, edges: EdgeMap) -> None:
         self._contours, self._edges = contours or (), edges
-        gradients = _core.gradients_at(packed_joints(self._contours)[0], edges.gradient, edges.domain, MARGIN)
+        gradients = _core.gradients_at(packed_joints(self._contours)[0], edges.gradient, edges.domain, BORDER_MARGIN)
         self.strength = gradients / high_threshold(edges)
 
     def is_clear(self, least: float = 0.0, share: float | None = None) -> bool:
@@ -63,7 +65,7 @@ class Boundary:
         least : float
             Parts on less than this strength are left out: a front that still moves.
         share : float, optional
-            So much of the rest may be fainter, else `CLEAR_SHARE`.
+            So much of the rest may be fainter, else `FAINT_FRACTION`.
 
         Returns
         -------
@@ -71,25 +73,25 @@ class Boundary:
             False where no part lies inside the image and the domain, as the region has met no edge, unless the image is
             even: then nobody can tell more of it. True where all parts are left out.
         """
-        fainter, share = np.sort(self.strength[self.strength >= least]), CLEAR_SHARE if share is None else share
+        fainter, share = np.sort(self.strength[self.strength >= least]), FAINT_FRACTION if share is None else share
         if len(fainter) == 0:
             return len(self.strength) > 0 or int(self._edges.gradient.max(initial=0)) < AUTO_HIGH_MIN * GRADIENT_SCALE
-        if fainter[int(share * len(fainter))] >= CLEAR:
+        if fainter[int(share * len(fainter))] >= CLEAR_STRENGTH:
             return True
-        return bool(fainter[int(share / 2 * len(fainter))] >= PLAIN_FAINTEST) and self._is_plain
+        return bool(fainter[int(share / 2 * len(fainter))] >= PLAIN_STRENGTH) and self._is_plain
 
     def clear_share(self) -> float:
         """Share on clear edges, shared with one sample that is not; round a plain region less is clear."""
-        clear = np.count_nonzero(self.strength >= CLEAR)
-        if clear < (1 - CLEAR_SHARE) * len(self.strength) and self._is_plain:
-            clear = np.count_nonzero(self.strength >= PLAIN_FAINTEST)
+        clear = np.count_nonzero(self.strength >= CLEAR_STRENGTH)
+        if clear < (1 - FAINT_FRACTION) * len(self.strength) and self._is_plain:
+            clear = np.count_nonzero(self.strength >= PLAIN_STRENGTH)
         return float((clear + 1) / (len(self.strength) + 1))
 
     @cached_property
     def _is_plain(self) -> bool:
-        inside = rasterize(self._contours, self._edges.gradient.shape)[::SAMPLE, ::SAMPLE]
-        levels = self._edges.gradient[::SAMPLE, ::SAMPLE][inside]
-        return len(levels) > 0 and float(np.quantile(levels, 0.9)) <= PLAIN * high_threshold(self._edges)
+        inside = rasterize(self._contours, self._edges.gradient.shape)[::SAMPLE_STEP, ::SAMPLE_STEP]
+        levels = self._edges.gradient[::SAMPLE_STEP, ::SAMPLE_STEP][inside]
+        return len(levels) > 0 and float(np.quantile(levels, 0.9)) <= PLAIN_GRADIENT * high_threshold(self._edges)
 
 
 def unless_faint(edges: EdgeMap, least: float) -> Callable[[Any], None]:
@@ -100,10 +102,10 @@ def unless_faint(edges: EdgeMap, least: float) -> Callable[[Any], None]:
     """
 
     def watch(progress: Any) -> None:  # noqa: ANN401 - an `ffseg.scene.Progress`, of a higher floor
-        if progress.iteration % EVERY or sum(one.num_patches for one in progress.contours) < ENOUGH:
+        if progress.iteration % CHECK_INTERVAL or sum(one.num_patches for one in progress.contours) < MIN_JOINTS:
             return
         met = Boundary(progress.contours, edges)
-        if np.count_nonzero(met.strength >= least) >= ENOUGH and not met.is_clear(least, DOUBTED):
+        if np.count_nonzero(met.strength >= least) >= MIN_JOINTS and not met.is_clear(least, MAX_DOUBTED_FRACTION):
             raise FaintError
 
     return watch

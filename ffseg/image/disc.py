@@ -11,36 +11,41 @@ import numpy as np
 
 from ffseg.arrays import Image, Mask, Points
 
-GRID = 200
-"""Pixels along the longer side at which the disc is looked for: its radius is then known to half a percent."""
+WORKING_SIZE = 200
+"""Pixels of the longer side of the reduced image in which the disc is searched: its radius is then known to half a
+percent."""
 
-DARKEST = 0.3
-"""Corners brighter than this part of the image's bright level belong to the scene (real surrounds: up to 0.22)."""
+MAX_CORNER_LEVEL = 0.3
+"""Image corners brighter than this fraction of the bright level belong to the scene (real surrounds: up to 0.22)."""
 
-BRIGHT = 0.95
-"""Part of the pixels that the bright level is not below."""
+BRIGHT_QUANTILE = 0.95
+"""Quantile of the grey levels that is taken as the bright level."""
 
-LEVELS = (0.15, 0.3, 0.5)
-"""Parts of the way from surround to bright level at which the disc is cut out: reflections on a hood need the later ones."""
+CUT_LEVELS = (0.15, 0.3, 0.5)
+"""Thresholds at which the disc is segmented, as fractions of the way from the level of the surround to the bright level.
+Images with reflections on the mount need the higher ones."""
 
-SLACK = 0.012
-"""Distance from the circle, as a part of its radius, at which a point of the outline still lies on it."""
+CIRCLE_TOLERANCE = 0.012
+"""Distance of an outline point from the fitted circle that still counts as on it, as a fraction of the radius."""
 
-LEAST_SHARE = 0.65
-"""Part of the outline that must lie on the circle. Real discs: 0.7 to 1; scenes and things with dark corners: up to 0.45."""
+MIN_CIRCLE_FRACTION = 0.65
+"""Fraction of the outline that must lie on the circle. Real discs have 0.7 to 1; scenes and objects with dark corners up
+to 0.45."""
 
-MOST_OUTSIDE = 0.005
-"""Part of the surround that may be bright."""
+MAX_BRIGHT_OUTSIDE = 0.005
+"""Largest fraction of bright pixels in the surround."""
 
-LEAST_SPREAD = 20.0
-"""Standard deviation of the grey levels inside: a mirror shows a scene (50 to 80), a plain round thing does not."""
+MIN_LEVEL_DEVIATION = 20.0
+"""Grey levels: smallest standard deviation inside the disc. A mirror shows a scene (50 to 80), a plain round object does
+not."""
 
-MOST_OBLONG = 1.25
-"""Sides of the box round a circle that the image holds whole; real ones are square to 1.01; more for a reflection beside.
-It only saves time: what it refuses would be refused by the fit."""
+MAX_ASPECT_RATIO = 1.25
+"""Largest aspect ratio of the bounding box of a circle that lies wholly in the image (real ones: up to 1.01, more with a
+reflection beside it). Saves time only: the circle fit would reject the same candidates."""
 
-MARGIN = 0.01
-"""Part of the radius by which the disc is grown: an edge at the rim stops a contour first, the disc what leaks there."""
+GROWTH_MARGIN = 0.01
+"""Fraction of the radius by which the disc is enlarged: a contour then stops at the edge of the rim, and the disc stops
+what leaks through it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +60,7 @@ class Disc:
         """Whether a point (x, y) lies in the circle."""
         return math.hypot(point[0] - self.x, point[1] - self.y) <= self.radius
 
-    def mask(self, shape: tuple[int, int], margin: float = MARGIN) -> Image:
+    def mask(self, shape: tuple[int, int], margin: float = GROWTH_MARGIN) -> Image:
         """255 inside the circle grown by a part of its radius, else 0, shape (H, W)."""
         y, x = np.ogrid[: shape[0], : shape[1]]
         inside = (x - self.x) ** 2 + (y - self.y) ** 2 <= (self.radius * (1 + margin)) ** 2
@@ -75,17 +80,17 @@ def valid_disc(image: Image) -> Disc | None:
     which holds everything bright, shows a scene and leaves a dark surround. An ordinary image fails at the corners,
     at the cost of reading these; one with dark corners fails at the circle.
     """
-    step = -(-max(image.shape[:2]) // GRID)
+    step = -(-max(image.shape[:2]) // WORKING_SIZE)
     small = image[step // 2 :: step, step // 2 :: step]
     surround = _corner_level(image, step)
     if surround is None or min(small.shape[:2]) < 8:
         return None
     grey = np.ascontiguousarray(_brightest(small))
     level = _bright_level(grey)
-    if surround > DARKEST * level:
+    if surround > MAX_CORNER_LEVEL * level:
         return None
     seen: Mask | None = None
-    for part in LEVELS:
+    for part in CUT_LEVELS:
         bright = grey > int(surround + part * (level - surround))  # whole numbers are compared eight times as fast
         if seen is not None and np.array_equal(bright, seen):
             continue  # two tones: what was no disc is none
@@ -97,12 +102,12 @@ def valid_disc(image: Image) -> Disc | None:
 
 
 def _bright_level(grey: Image) -> float:
-    """The least level that `BRIGHT` of the pixels do not exceed: mostly of a drawing the brightest, which is known at once."""
+    """The `BRIGHT_QUANTILE` of the grey levels; of most drawings it is the brightest level, which is known at once."""
     brightest = int(grey.max())
-    if np.count_nonzero(grey < brightest) < BRIGHT * grey.size:
+    if np.count_nonzero(grey < brightest) < BRIGHT_QUANTILE * grey.size:
         return brightest
     counts = cv2.calcHist([grey], [0], None, [256], [0, 256]).cumsum()
-    return float(np.searchsorted(counts, BRIGHT * grey.size))
+    return float(np.searchsorted(counts, BRIGHT_QUANTILE * grey.size))
 
 
 def _corner_level(image: Image, step: int) -> float | None:
@@ -112,7 +117,7 @@ def _corner_level(image: Image, step: int) -> float | None:
     for y, x in product(ends, ends):
         corner = _brightest(image[y, x])
         brightest = max(brightest, int(np.add.reduce(corner, axis=None, dtype=np.int64)) / corner.size)
-        if brightest > DARKEST * 255:
+        if brightest > MAX_CORNER_LEVEL * 255:
             return None
     return brightest
 
@@ -134,13 +139,13 @@ def _circle_round(bright: Mask, grey: Image) -> Disc | None:
     if len(outline) < 40:
         return None
     disc, on = _fit(outline)
-    if on.mean() < LEAST_SHARE:
+    if on.mean() < MIN_CIRCLE_FRACTION:
         return None
-    outside = disc.mask(bright.shape, 2 * SLACK) == 0
-    if outside.any() and float(bright[outside].mean()) > MOST_OUTSIDE:
+    outside = disc.mask(bright.shape, 2 * CIRCLE_TOLERANCE) == 0
+    if outside.any() and float(bright[outside].mean()) > MAX_BRIGHT_OUTSIDE:
         return None
-    scene = grey[disc.mask(bright.shape, -2 * SLACK) > 0]
-    return disc if len(scene) and float(scene.std()) >= LEAST_SPREAD else None
+    scene = grey[disc.mask(bright.shape, -2 * CIRCLE_TOLERANCE) > 0]
+    return disc if len(scene) and float(scene.std()) >= MIN_LEVEL_DEVIATION else None
 
 
 def _may_be_round(bright: Mask) -> bool:
@@ -150,7 +155,7 @@ def _may_be_round(bright: Mask) -> bool:
         return False
     if x == 0 or y == 0 or x + width == bright.shape[1] or y + height == bright.shape[0]:
         return True
-    return max(height, width) <= MOST_OBLONG * min(height, width)
+    return max(height, width) <= MAX_ASPECT_RATIO * min(height, width)
 
 
 def _outline(bright: Mask) -> Points:
@@ -181,7 +186,7 @@ def _fit(points: Points) -> tuple[Disc, Mask]:
         x, y, rest = np.linalg.lstsq(kept.T @ kept, kept.T @ squares[on], rcond=None)[0]
         radius = math.sqrt(max(0.0, rest + x * x + y * y))
         error = np.abs(np.hypot(moved[:, 0] - x, moved[:, 1] - y) - radius)
-        near = max(1.0, SLACK * radius)
+        near = max(1.0, CIRCLE_TOLERANCE * radius)
         before, on = on, error <= max(near, 2 * float(np.median(error)))
         if np.array_equal(before, on):
             break

@@ -16,8 +16,8 @@ from ffseg.parameters import Edges, Levels
 
 GRADIENT_SCALE = 32.0
 """Units of ``EdgeMap.gradient`` per grey level and pixel: 255/2*sqrt(2)*32 stays below 2**16."""
-MARKED = 255
-"""Of edge pixels in ``EdgeMap.edges``."""
+EDGE = 255
+"""Value of edge pixels in ``EdgeMap.edges``."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,10 +102,8 @@ def require_edges(edges: EdgeMap, shape: tuple[int, ...]) -> None:
                 f"the edge map's {name} is {found}; give {np.dtype(kinds.split()[0])} of shape (H, W)"
             )
         require_size("the edge map", plane, shape, "give the map of this image")
-    if not ((edges.edges == 0) | (edges.edges == MARKED)).all():
-        raise SegmentationError(
-            f"the edge map's edges are {MARKED} on edge pixels and 0 elsewhere; this one has others"
-        )
+    if not ((edges.edges == 0) | (edges.edges == EDGE)).all():
+        raise SegmentationError(f"the edge map's edges are {EDGE} on edge pixels and 0 elsewhere; this one has others")
     numbers = np.asarray(edges.thresholds)
     if numbers.shape != (2,) or numbers.dtype.kind not in "iuf" or not np.isfinite(numbers).all():
         raise SegmentationError(f"the edge map's thresholds are {edges.thresholds!r}; give (low, high)")
@@ -115,16 +113,18 @@ RAYLEIGH_MEDIAN = 1.1774
 """Median of the gradient magnitude of smoothed white noise (Rayleigh) in units of its scale."""
 
 AUTO_HIGH = 5.5
-"""Noise scales above which an edge is strong: P(Rayleigh > 5.5) = 2.7e-7, less than one false edge in an image."""
+"""High threshold in units of the noise scale: P(Rayleigh > 5.5) = 2.7e-7, less than one false edge in an image."""
 
 AUTO_LOW_RATIO = 0.5
-"""Low threshold as a part of the high one (Canny's advice is a ratio of two to three)."""
+"""Low threshold as a fraction of the high one (Canny recommends a ratio of two to three)."""
 
 AUTO_HIGH_MIN = 1.5
-"""Grey levels per pixel: below it lie the rounding steps of an 8-bit image (a step of 6 grey levels at sigma 1.5)."""
+"""Grey levels per pixel: smallest high threshold. Below it lie the rounding steps of 8-bit images (a step of 6 grey
+levels at sigma 1.5)."""
 
 AUTO_SPREAD = 2.0
-"""Local noise is believed within this factor of that in the quieter windows: shading to a third spans 3, texture more."""
+"""The local noise estimate is kept within this factor of that of the quieter windows: shading down to a third spans a
+factor of 3, texture more."""
 
 
 def edge_map(image: Pixels, params: Edges, domain: NDArray[np.uint8] | None = None, levels: Levels = "auto") -> EdgeMap:

@@ -11,7 +11,7 @@ from ffseg.parameters import Edges
 LOG_OFFSET = 10.0
 """Grey levels added before the logarithm: below about 10 an 8-bit image holds more noise and rounding than light."""
 
-GREY_SHARE = 0.35
+GREY_FRACTION = 0.35
 """What a highlight adds is nearly grey: its channels differ by at most this part of the largest..."""
 
 GREY_SLACK = 4
@@ -54,7 +54,7 @@ def without_streaks(image: Image, width: float) -> Image:
         return opened
     removed = cv2.subtract(image, opened)
     largest, least = removed.max(axis=2), removed.min(axis=2)
-    grey = largest - least <= GREY_SHARE * largest + GREY_SLACK
+    grey = largest - least <= GREY_FRACTION * largest + GREY_SLACK
     found: Image = np.where(grey[..., None], opened, image)
     return found
 

@@ -7,20 +7,21 @@ import numpy as np
 
 from ffseg.arrays import Image
 
-MIDDLE, MOST_GAIN, EVERY = 100.0, 4.0, 4
-"""Grey level that the mean of an image is brought to, the most it is multiplied or divided by, and which pixels count."""
+MEAN_LEVEL, MAX_GAIN, SAMPLE_STEP = 100.0, 4.0, 4
+"""Mean grey level after the correction of exposure, the largest factor applied either way, and the sampling step in
+pixels."""
 
-DARKEST, HAZE = 0.01, (0.4, 0.6)
-"""The darkest hundredth of the levels lies near zero; where it lies above so much of the mean, a part of it or all of it is
-haze or stray light over the whole picture, and is taken off."""
+DARK_QUANTILE, HAZE_LEVELS = 0.01, (0.4, 0.6)
+"""Quantile of the grey levels that should be near zero. If it exceeds these fractions of the mean, part of it (at the
+second all of it) is taken for haze or stray light and subtracted."""
 
 
 def normalised_exposure(image: Image) -> Image:
-    """The image without haze and with its mean level brought to `MIDDLE`, as another exposure would have given it."""
-    counts = np.bincount(image[::EVERY, ::EVERY].ravel(), minlength=256)
-    darkest = float(np.searchsorted(np.cumsum(counts), DARKEST * counts.sum()))
+    """The image without haze and with its mean level brought to `MEAN_LEVEL`, as another exposure would have given it."""
+    counts = np.bincount(image[::SAMPLE_STEP, ::SAMPLE_STEP].ravel(), minlength=256)
+    darkest = float(np.searchsorted(np.cumsum(counts), DARK_QUANTILE * counts.sum()))
     mean = max(float(counts @ np.arange(256)) / float(counts.sum()), 1.0)
-    veil = darkest * min(max((darkest / mean - HAZE[0]) / (HAZE[1] - HAZE[0]), 0.0), 1.0)
-    gain = min(max(MIDDLE / max(mean - veil, 1.0), 1 / MOST_GAIN), MOST_GAIN)
+    veil = darkest * min(max((darkest / mean - HAZE_LEVELS[0]) / (HAZE_LEVELS[1] - HAZE_LEVELS[0]), 0.0), 1.0)
+    gain = min(max(MEAN_LEVEL / max(mean - veil, 1.0), 1 / MAX_GAIN), MAX_GAIN)
     levels = np.clip(np.rint((np.arange(256) - veil) * gain), 0, 255).astype(np.uint8)
     return np.asarray(cv2.LUT(image, levels), np.uint8)

@@ -10,9 +10,9 @@ from ffseg.image.free import distances
 from ffseg.image.keypoints import grey_image
 from ffseg.image.parts import parts_holding
 
-BAND = 3.0
+BOUNDARY_BAND = 3.0
 """Pixels from both boundaries within which they are taken for two readings of the same one."""
-_LEAST = 64
+_MIN_SIDE = 64
 """Pixels a side: with less than 12 OpenCV's flow refuses, with 24 beside 400 it reads what is not there."""
 
 
@@ -43,7 +43,7 @@ def warped_region(before: Image, now: Image, region: Mask) -> Mask:
 def steadied_region(own: Mask, before: Mask) -> Mask:
     """A frame's own region with its boundary half-way to that carried from the frame before, where they lie close.
 
-    What lies further than `BAND` from either boundary is the frame's own affair, and so is every hole of it.
+    What lies further than `BOUNDARY_BAND` from either boundary is the frame's own affair, and so is every hole of it.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def steadied_region(own: Mask, before: Mask) -> Mask:
     if not (own.any() and before.any()):
         return own
     depth, old = _depth(own), _depth(before)
-    near = (np.abs(depth) <= BAND) & (np.abs(old) <= BAND) & ~_holes(own)
+    near = (np.abs(depth) <= BOUNDARY_BAND) & (np.abs(old) <= BOUNDARY_BAND) & ~_holes(own)
     return np.where(near, depth + old > 0, own)
 
 
@@ -72,7 +72,7 @@ def _wide(image: Image) -> Image:
     """The image in grey, its last rows and columns repeated as often as the flow needs."""
     grey = grey_image(image)
     height, width = grey.shape
-    more = (max(0, _LEAST - height), max(0, _LEAST - width))
+    more = (max(0, _MIN_SIDE - height), max(0, _MIN_SIDE - width))
     return np.asarray(cv2.copyMakeBorder(grey, 0, more[0], 0, more[1], cv2.BORDER_REPLICATE), np.uint8)
 
 

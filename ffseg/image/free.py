@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from ffseg.arrays import Image, Indices, Mask, Plane
 from ffseg.image.parts import connected_parts
 
-SLIVER = 5
+MAX_CORNER_GAP = 5
 """Most pixels by which an outline stays away from a domain's corners: all of 1343 rays that end at drawn masts in a room."""
 
-_EXACT = np.float32(1024)
+_MAX_EXACT_DISTANCE = np.float32(1024)
 """Pixels up to which the square of a distance that is off by its last bits rounds to the right whole number: below 2^21."""
 
 
@@ -55,9 +55,9 @@ def without_slivers(domain: Mask, view: Mask, free: Mask) -> Mask:
     domain, view, free : ndarray of bool, shape (H, W)
         The domain lies in the view.
     """
-    beside = cv2.dilate((view & ~domain).view(np.uint8), np.ones((2 * SLIVER + 1,) * 2, np.uint8)) > 0
+    beside = cv2.dilate((view & ~domain).view(np.uint8), np.ones((2 * MAX_CORNER_GAP + 1,) * 2, np.uint8)) > 0
     stands = (domain & ~free & ~beside).view(np.uint8)
-    return domain & (free | (cv2.dilate(stands, np.ones((4 * SLIVER + 1,) * 2, np.uint8)) > 0))
+    return domain & (free | (cv2.dilate(stands, np.ones((4 * MAX_CORNER_GAP + 1,) * 2, np.uint8)) > 0))
 
 
 def nearest_outside(mask: Mask) -> tuple[Plane, Indices]:
@@ -96,8 +96,8 @@ def distances(mask: Mask) -> Plane:
     Notes
     -----
     OpenCV's depends in its last bit on where the memory lies. Squares of distances are whole numbers: those up to
-    `_EXACT` are brought back to them.
+    `_MAX_EXACT_DISTANCE` are brought back to them.
     """
     found = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    squares = np.rint(np.square(np.minimum(found, _EXACT)))
-    return np.asarray(np.where(found < _EXACT, np.sqrt(squares), found), np.float32)
+    squares = np.rint(np.square(np.minimum(found, _MAX_EXACT_DISTANCE)))
+    return np.asarray(np.where(found < _MAX_EXACT_DISTANCE, np.sqrt(squares), found), np.float32)

@@ -11,7 +11,7 @@ from ffseg.arrays import Array, Image, Indices
 from ffseg.image.components import Component
 from ffseg.native import _core
 
-GROWN = 2
+DILATION = 2
 """Pixels: corners and edges lie on a component's border, which the settled contour cuts through."""
 
 
@@ -40,7 +40,7 @@ def strongest(corners: InterestPoints, most: int) -> InterestPoints:
     return InterestPoints(corners.owner[place < most], corners.pixels[place < most])
 
 
-def harris_points(grey: Image, components: Sequence[Component], most: int, grow: int = GROWN) -> InterestPoints:
+def harris_points(grey: Image, components: Sequence[Component], most: int, grow: int = DILATION) -> InterestPoints:
     """Harris corners inside components, to a part of a pixel; strongest first in each.
 
     Parameters
@@ -58,7 +58,7 @@ def harris_points(grey: Image, components: Sequence[Component], most: int, grow:
     return _points(_core.harris_points, grey, components, most, grow)
 
 
-def outline_points(grey: Image, components: Sequence[Component], most: int, grow: int = GROWN) -> InterestPoints:
+def outline_points(grey: Image, components: Sequence[Component], most: int, grow: int = DILATION) -> InterestPoints:
     """Pixels of strongest gradient inside components, at most one per 4x4 cell, evenly thinned to ``most`` in each."""
     return _points(_core.outline_points, grey, components, most, grow)
 

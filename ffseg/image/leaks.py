@@ -10,9 +10,9 @@ from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion
 from ffseg.image.keypoints import plane_pixels
 from ffseg.image.parts import parts_holding
-from ffseg.image.planes import CLEAR, pixel_noise
+from ffseg.image.planes import ROBOT_MARGIN, pixel_noise
 
-STEP = 4
+SAMPLE_STEP = 4
 """Pixels between the places that are compared: one in sixteen says as much after the smoothing."""
 SMOOTHING = 2.0
 """Pixels; of both images, before they are compared."""
@@ -20,20 +20,22 @@ SMOOTHED_NOISE = 0.2
 """Part of the pixels' noise that this leaves in a difference: sqrt(2) / (2 sqrt(pi) SMOOTHING)."""
 SLOPE_PX, ROUNDING = 0.2, 0.3
 """What a ground place is good to, pixels, and what whole grey levels leave."""
-MOST = 50.0
+MAX_SQUARED_DEVIATION = 50.0
 """Squared deviations that a place counts at most: a few edges do not speak for all round them."""
-WINDOW, NARROW, LEAST_SEEN = 9, 5, 0.35
+WINDOW, NARROW_WINDOW, MIN_SEEN_FRACTION = 9, 5, 0.35
 """Places across the windows that are averaged over, and the part of a window that must be seen in both images."""
-SURE, LIKELY = 16.0, 2.0
+SURE_DEVIATION, LIKELY_DEVIATION = 16.0, 2.0
 """Mean squared deviations from which on a window contradicts the ground, and with which what hangs together with it does.
 On 37 rendered floors (matt, glossy, shaded, under nodding cameras) they reach 11 at most, on walls that were climbed 50."""
-RAISED, BETTER = np.array([0.0, 0.1, 0.2, 0.3, 0.45, 0.6, 0.75]), 0.25
+ALTITUDES, EXPLAINED_FRACTION = np.array([0.0, 0.1, 0.2, 0.3, 0.45, 0.6, 0.75]), 0.25
 """Altitudes, metres: that of the ground, and those of which one must explain a sure window with a quarter of its deviations.
 What is reflected lies below the ground, and none of them explains it."""
-UNDER_THE_ROBOT = 0.25
+NEAREST_FRACTION = 0.25
 """Part of the places, the nearest to the robot, that are ground in any case: a pair in which half of them differ, as on a glossy
 floor under lamps, tells nothing."""
-HIDERS = np.array([-1e3, -8, -4, -2.5, -1.7, -1.2, -0.8, -0.5, -0.3, -0.15, 0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8])
+OCCLUDER_ALTITUDES = np.array(
+    [-1e3, -8, -4, -2.5, -1.7, -1.2, -0.8, -0.5, -0.3, -0.15, 0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8]
+)
 """Altitudes, metres, at which what is not free may have stood before the ground: reflections lie below it."""
 
 
@@ -53,27 +55,27 @@ def leaking_pixels(camera: Camera, motion: Motion, current: Image, previous: Ima
     Every place is compared with where the previous image shows it if it lies on the ground. Places that something may have
     hidden there say nothing, nor do those whose surroundings look the same everywhere: of a plain wall nothing is found.
     """
-    row, column = np.meshgrid(*(np.arange(STEP // 2, side, STEP) for side in free.shape), indexing="ij")
+    row, column = np.meshgrid(*(np.arange(SAMPLE_STEP // 2, side, SAMPLE_STEP) for side in free.shape), indexing="ij")
     places = np.stack([column, row], axis=-1).astype(np.float64)
     inside = free[row, column]
     away = np.hypot(*np.moveaxis(places - camera.center, -1, 0))
-    looked_at = inside & (away > camera.robot_radius + CLEAR)
+    looked_at = inside & (away > camera.robot_radius + ROBOT_MARGIN)
     solid = places[camera.domain()[row, column] & ~inside]
-    then = np.swapaxes(_finite(plane_pixels(camera, motion, places[looked_at], RAISED)), 0, 1)
+    then = np.swapaxes(_finite(plane_pixels(camera, motion, places[looked_at], ALTITUDES)), 0, 1)
     hidden = _hidden(camera, motion, solid, inside.shape)
-    seen = _shown(camera, then[0]) & ~_read(hidden, (then[0] - STEP // 2) / STEP)
+    seen = _shown(camera, then[0]) & ~_read(hidden, (then[0] - SAMPLE_STEP // 2) / SAMPLE_STEP)
     steps = _steps((current, previous), free, (row[looked_at], column[looked_at]), then)
-    near = seen & (away[looked_at] <= np.quantile(away[looked_at][seen], UNDER_THE_ROBOT)) if seen.any() else seen
-    if not near.any() or np.median(steps[0, near]) > LIKELY:
+    near = seen & (away[looked_at] <= np.quantile(away[looked_at][seen], NEAREST_FRACTION)) if seen.any() else seen
+    if not near.any() or np.median(steps[0, near]) > LIKELY_DEVIATION:
         return np.zeros_like(free)
-    steps = np.where(np.array([_shown(camera, one) for one in then]), steps, MOST)
-    sums = np.zeros((len(RAISED) + 1, *inside.shape), np.float32)
+    steps = np.where(np.array([_shown(camera, one) for one in then]), steps, MAX_SQUARED_DEVIATION)
+    sums = np.zeros((len(ALTITUDES) + 1, *inside.shape), np.float32)
     sums[:, looked_at] = np.where(seen, np.vstack([steps, np.ones_like(steps[:1])]), 0.0)
     *deviations, counts = sums
     ground, *upright = (_mean(one, counts, WINDOW) for one in deviations)
-    likely = _opened((ground > LIKELY) & inside, 5)
-    sure = (ground > SURE) & (np.min(upright, axis=0) < BETTER * ground)
-    found = parts_holding(likely, sure, corners=True) & (_mean(deviations[0], counts, NARROW) > LIKELY)
+    likely = _opened((ground > LIKELY_DEVIATION) & inside, 5)
+    sure = (ground > SURE_DEVIATION) & (np.min(upright, axis=0) < EXPLAINED_FRACTION * ground)
+    found = parts_holding(likely, sure, corners=True) & (_mean(deviations[0], counts, NARROW_WINDOW) > LIKELY_DEVIATION)
     size = free.shape[::-1]
     whole = cv2.resize(_opened(found, 3).astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
     climbed: Mask = np.asarray(whole, np.bool_) & free
@@ -90,14 +92,14 @@ def _steps(images: tuple[Image, Image], free: Mask, places: tuple[Indices, Indic
     step = cv2.remap(previous, x, y, cv2.INTER_LINEAR) - current[places]
     slope = sum(part[places] ** 2 for part in np.gradient(current))
     noise = SMOOTHED_NOISE * pixel_noise(images[0], free)
-    sums: Plane = np.minimum(step**2 / (noise**2 + SLOPE_PX**2 * slope + ROUNDING**2), MOST)
+    sums: Plane = np.minimum(step**2 / (noise**2 + SLOPE_PX**2 * slope + ROUNDING**2), MAX_SQUARED_DEVIATION)
     return sums
 
 
 def _hidden(camera: Camera, motion: Motion, solid: Array, shape: tuple[int, ...]) -> Mask:
     """Places of the previous image before which what is not free may have stood."""
-    at = _finite(plane_pixels(camera, motion, solid, HIDERS).reshape(-1, 2))
-    column, row = np.rint((at - STEP // 2) / STEP).astype(np.intp).T
+    at = _finite(plane_pixels(camera, motion, solid, OCCLUDER_ALTITUDES).reshape(-1, 2))
+    column, row = np.rint((at - SAMPLE_STEP // 2) / SAMPLE_STEP).astype(np.intp).T
     within = (column >= 0) & (row >= 0) & (column < shape[1]) & (row < shape[0])
     hidden = np.zeros(shape, np.uint8)
     hidden[row[within], column[within]] = 1
@@ -106,8 +108,8 @@ def _hidden(camera: Camera, motion: Motion, solid: Array, shape: tuple[int, ...]
 
 def _shown(camera: Camera, pixels: Array) -> Mask:
     """Whether pixels lie well inside the scene and outside the robot's disc."""
-    scene = cv2.erode(camera.domain().view(np.uint8), np.ones((CLEAR, CLEAR), np.uint8))
-    away = np.hypot(*(pixels - camera.center).T) > camera.robot_radius + CLEAR
+    scene = cv2.erode(camera.domain().view(np.uint8), np.ones((ROBOT_MARGIN, ROBOT_MARGIN), np.uint8))
+    away = np.hypot(*(pixels - camera.center).T) > camera.robot_radius + ROBOT_MARGIN
     shown: Mask = _read(np.asarray(scene, np.bool_), pixels) & away
     return shown
 
@@ -132,7 +134,7 @@ def _mean(values: Plane, counts: Plane, width: int) -> Plane:
         cv2.boxFilter(one, -1, (width, width), normalize=False, borderType=cv2.BORDER_CONSTANT)
         for one in (values, counts)
     )
-    return np.asarray(total / np.maximum(count, LEAST_SEEN * width * width), np.float32)
+    return np.asarray(total / np.maximum(count, MIN_SEEN_FRACTION * width * width), np.float32)
 
 
 def _opened(mask: Mask, width: int) -> Mask:

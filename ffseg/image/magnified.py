@@ -15,29 +15,31 @@ from ffseg.arrays import Image, Plane
 from ffseg.native import _core
 
 FACTORS = (8, 7, 6, 5, 4, 3, 2)
-"""Enlargements that are looked for."""
+"""Enlargement factors that are tested."""
 
-KINDS = (cv2.INTER_NEAREST, cv2.INTER_LINEAR, cv2.INTER_CUBIC)
+INTERPOLATIONS = (cv2.INTER_NEAREST, cv2.INTER_LINEAR, cv2.INTER_CUBIC)
 
-LEAST_SIDE = 64
-"""Pixels: a picture that was smaller before is taken as it is."""
+MIN_SIDE = 64
+"""Pixels. If the original would have been smaller than this, the image is used as it is."""
 
-ROUNDED = 2
-"""Grey levels by which a pixel may differ from an interpolated one: twice rounded, and another program's cubic."""
+LEVEL_TOLERANCE = 2
+"""Grey levels by which a pixel may differ from the interpolated value: two roundings, and the cubic kernels of other
+programs."""
 
-DIFFERENT, CUT = 0.01, 0.05
-"""Part of the pixels unlike their neighbours that may differ by more: in the whole picture, and in a few lines of it, where
-curves cut at black and white make others of all pixels beside."""
+MAX_DIFFERENT, MAX_DIFFERENT_IN_LINES = 0.01, 0.05
+"""Fraction of the pixels, of those unlike their neighbours, that may differ by more: in the whole image, and in a few
+lines of it, where cubic kernels clipped at black and white change all pixels near an edge."""
 
-KNOTS, BESIDE = 8, 4
-"""Pixels of the picture before that a line is told from, and those beside that interpolation looks at."""
+LINE_KNOTS, KERNEL_REACH = 8, 4
+"""Pixels of the original from which a tested piece of a line is interpolated, and pixels beside it that the kernel reaches."""
 
-LINES, MOST_LOOKED_AT, SKIPPED = 2, 100, 8
-"""Lines each way that are looked at before the whole picture is: those of so many that change most, by every so many pixels."""
+TESTED_LINES, MAX_LINES, LINE_STEP = 2, 100, 8
+"""Lines in each direction that are tested before the whole image, those with the largest changes; the most lines that are
+compared to find them; and the step, in pixels, at which their changes are measured."""
 
-STEPS, GAIN = 8, 1.5
-"""Steps in which the picture before is found, and how much of the error each takes back: at least three eighths, for
-interpolation leaves a quarter of the finest pattern each way."""
+INVERSION_STEPS, INVERSION_GAIN = 8, 1.5
+"""Steps of the iteration that recovers the original, and the gain of each: the finest pattern keeps a quarter of its
+amplitude in each direction under interpolation, and at least three eighths of the error is removed."""
 
 
 def magnification(image: Image, most: float = FACTORS[0]) -> tuple[int, Image]:
@@ -56,7 +58,7 @@ def magnification(image: Image, most: float = FACTORS[0]) -> tuple[int, Image]:
     height, width = image.shape[:2]
     factors = [
         factor for factor in FACTORS
-        if factor <= most and not height % factor and not width % factor and min(height, width) >= LEAST_SIDE * factor
+        if factor <= most and not height % factor and not width % factor and min(height, width) >= MIN_SIDE * factor
     ]  # fmt: skip
     if not factors:
         return 1, image
@@ -64,35 +66,35 @@ def magnification(image: Image, most: float = FACTORS[0]) -> tuple[int, Image]:
     rows = _liveliest(plane)
     for factor in factors:
         residuals = _residuals(rows, factor)
-        if min(residuals) <= CUT:
+        if min(residuals) <= MAX_DIFFERENT_IN_LINES:
             residuals = list(map(max, residuals, _residuals(_liveliest(plane.T), factor)))
-        if min(residuals) <= CUT:
-            kind = KINDS[residuals.index(min(residuals))]
+        if min(residuals) <= MAX_DIFFERENT_IN_LINES:
+            kind = INTERPOLATIONS[residuals.index(min(residuals))]
             before = _reduced(image, factor, kind)
             made = cv2.resize(before, (width, height), interpolation=kind)
-            unlike = np.count_nonzero(cv2.absdiff(image[:, factor:], image[:, :-factor]) > ROUNDED)
-            if np.count_nonzero(cv2.absdiff(image, made) > ROUNDED) <= DIFFERENT * unlike:
+            unlike = np.count_nonzero(cv2.absdiff(image[:, factor:], image[:, :-factor]) > LEVEL_TOLERANCE)
+            if np.count_nonzero(cv2.absdiff(image, made) > LEVEL_TOLERANCE) <= MAX_DIFFERENT * unlike:
                 return factor, before
     return 1, image
 
 
 def _liveliest(plane: Image) -> Plane:
     """The rows with the greatest differences, of every few."""
-    step = max(1, len(plane) // MOST_LOOKED_AT)
-    return _core.liveliest_lines(plane, LINES, step, SKIPPED).reshape(-1, plane.shape[1])
+    step = max(1, len(plane) // MAX_LINES)
+    return _core.liveliest_lines(plane, TESTED_LINES, step, LINE_STEP).reshape(-1, plane.shape[1])
 
 
 def _residuals(lines: Plane, factor: int) -> list[float]:
     """The share of pixels in some lines that each kind cannot make between fewer."""
-    return _core.lines_amiss(lines, _residual_matrix(factor), factor, ROUNDED, CUT)
+    return _core.lines_amiss(lines, _residual_matrix(factor), factor, LEVEL_TOLERANCE, MAX_DIFFERENT_IN_LINES)
 
 
 @cache
 def _residual_matrix(factor: int) -> Plane:
     """What takes from a line of pixels all that each kind of interpolation between fewer can make, shape (L, kinds * L)."""
-    knots, cut = KNOTS + 2 * BESIDE, slice(BESIDE * factor, -BESIDE * factor)
+    knots, cut = LINE_KNOTS + 2 * KERNEL_REACH, slice(KERNEL_REACH * factor, -KERNEL_REACH * factor)
     found = []
-    for kind in KINDS:
+    for kind in INTERPOLATIONS:
         made = cv2.resize(np.eye(knots, dtype=np.float32), (knots * factor, knots), interpolation=kind).T
         inner = made[cut].astype(np.float64)
         found.append(np.eye(len(inner)) - inner @ np.linalg.pinv(inner, rcond=1e-6))
@@ -105,7 +107,9 @@ def _reduced(image: Image, factor: int, kind: int) -> Image:
     less = (size[0] // factor, size[1] // factor)
     whole = image.astype(np.float32)
     found = cv2.resize(whole, less, interpolation=cv2.INTER_AREA)
-    for _ in range(0 if kind == cv2.INTER_NEAREST else STEPS):
+    for _ in range(0 if kind == cv2.INTER_NEAREST else INVERSION_STEPS):
         error = whole - np.clip(cv2.resize(found, size, interpolation=kind), 0, 255)
-        found = np.clip(found + np.float32(GAIN) * cv2.resize(error, less, interpolation=cv2.INTER_AREA), 0, 255)
+        found = np.clip(
+            found + np.float32(INVERSION_GAIN) * cv2.resize(error, less, interpolation=cv2.INTER_AREA), 0, 255
+        )
     return np.asarray(np.rint(found), np.uint8)

@@ -128,7 +128,7 @@ def dilated_by_disc(mask: Mask, by: float) -> Mask:
     """All pixels within a distance of a region."""
     if by <= 0 or not mask.any():
         return mask
-    if by > _LARGEST_DISC:
+    if by > _MAX_DISC:
         found: Mask = distances(~mask) <= by
         return found
     steps = np.arange(-int(by), int(by) + 1)
@@ -137,5 +137,5 @@ def dilated_by_disc(mask: Mask, by: float) -> Mask:
     return found
 
 
-_LARGEST_DISC = 8
+_MAX_DISC = 8
 """Pixels; the time of a dilation grows with the area of the disc, that of a distance transform does not."""

@@ -17,7 +17,7 @@ from ffseg.image.disc import Disc, valid_disc
 from ffseg.image.parts import connected_parts
 from ffseg.parameters import Levels
 
-LEAST_IMAGES = 5
+MIN_IMAGES = 5
 """With fewer, edges of the scene may stand on one place by chance."""
 
 WORKING_SIZE = 480
@@ -26,37 +26,37 @@ WORKING_SIZE = 480
 SIGMA = 1.0
 """Reduced pixels, of the Gaussian before the gradient."""
 
-FAINT, CLEAR = 0.4, 1.0
+FAINT_EDGE, CLEAR_EDGE = 0.4, 1.0
 """Units of L, a, b per reduced pixel, of an edge in one image, and of one that an outline begins with (median)."""
 
-NOISE = 0.2
+NOISE_LEVEL = 0.2
 """Below this many of these units a direction says little."""
 
-STAYS, MAY_STAY = 0.9, 0.65
+STABLE_FRACTION, WEAK_STABLE_FRACTION = 0.9, 0.65
 """Share of the images in which an edge has its place and direction, of those an outline begins with and goes on with."""
 
-LONGEST_GAP = 6
+MAX_GAP = 6
 """Reduced pixels of an outline that may be missing."""
 
-LEAST_SURE = 0.4
+MIN_SURE_FRACTION = 0.4
 """Part of an outline that is sure (of own images mostly 0.5 to 1, of kerbs that a car drives along 0 to 0.5)."""
 
-LEAST_LENGTH = 0.06
+MIN_LENGTH = 0.06
 """Of an outline, as a part of the longer side."""
 
-BLUR = 3
+BLUR_WIDTH = 3
 """Reduced pixels beside an outline in which the contrast across it may come and go."""
 
-LEAST_AREA = 0.002
+MIN_AREA = 0.002
 """Of a part, as a share of the image."""
 
-QUIET = 0.12
+QUIET_FRACTION = 0.12
 """A part belongs to the camera if edges come and go on so small a share of it, compared with the liveliest part."""
 
-MOVED = 0.15
+MOVED_FRACTION = 0.15
 """Share of the liveliest part on which edges come and go, if the camera has moved (0.19 to 0.7; standing, up to 0.12)."""
 
-LARGE = 0.05
+LARGE_AREA = 0.05
 """Share of the image from which a part may be the liveliest."""
 
 SCENE, OWN = 1, 2
@@ -126,7 +126,7 @@ def own_image(images: Iterable[Pixels], *, rgb: bool = False, levels: Levels = "
     relief, markers = (cv2.copyMakeBorder(plane, 1, 1, 1, 1, cv2.BORDER_REPLICATE) for plane in (relief, kinds))
     flooded = cv2.watershed(relief, markers)[1:-1, 1:-1]  # which leaves the outermost pixels out
     own = np.where(
-        connected_parts(flooded != SCENE, corners=True).at_least(LEAST_AREA * flooded.size), np.uint8(255), np.uint8(0)
+        connected_parts(flooded != SCENE, corners=True).at_least(MIN_AREA * flooded.size), np.uint8(255), np.uint8(0)
     )
     return dark | (cv2.resize(own, (shape[1], shape[0]), interpolation=cv2.INTER_LINEAR) >= 128)
 
@@ -143,16 +143,16 @@ def _look(images: Iterable[Image]) -> tuple[tuple[int, int], _Seen]:
         shape = height, width
         x, y = _gradient(_reduced(image))
         strength = np.hypot(x, y)
-        weight = (_beside_crests(x, y) / (strength**2 + NOISE**2)).astype(np.float32)
+        weight = (_beside_crests(x, y) / (strength**2 + NOISE_LEVEL**2)).astype(np.float32)
         tensor = cast("Plane", tensor + np.stack([x * x, y * y, x * y]) * weight)
         strengths.append(strength)
         discs.append(valid_disc(image))
-    if shape is None or len(strengths) < LEAST_IMAGES:
-        raise SegmentationError(f"{len(strengths)} images are too few; take {LEAST_IMAGES} or more of one camera")
+    if shape is None or len(strengths) < MIN_IMAGES:
+        raise SegmentationError(f"{len(strengths)} images are too few; take {MIN_IMAGES} or more of one camera")
     xx, yy, xy = tensor / np.float32(len(strengths))
     stays = (xx + yy) / 2 + np.sqrt((xx - yy) ** 2 / 4 + xy**2)
     middle, upper = np.quantile(np.stack(strengths), (0.5, 0.9), axis=0)
-    return shape, _Seen(stays, middle.astype(np.float32), upper - middle >= CLEAR, _usual(discs))
+    return shape, _Seen(stays, middle.astype(np.float32), upper - middle >= CLEAR_EDGE, _usual(discs))
 
 
 def _usual(discs: list[Disc | None]) -> Disc | None:
@@ -179,18 +179,18 @@ def _gradient(lab: Plane) -> tuple[Plane, Plane]:
 
 def _beside_crests(x: Plane, y: Plane) -> Mask:
     x_levels, y_levels = (np.clip(256 * plane, -32768, 32767).astype(np.int16) for plane in (x, y))
-    crests = cv2.Canny(x_levels, y_levels, 256 * FAINT, 256 * FAINT, L2gradient=True)
+    crests = cv2.Canny(x_levels, y_levels, 256 * FAINT_EDGE, 256 * FAINT_EDGE, L2gradient=True)
     return cv2.dilate(crests, np.ones((3, 3), np.uint8)) > 0
 
 
 def _outlines(seen: _Seen) -> Mask:
     """Edges that stay: long ones that are sure somewhere, their gaps closed."""
-    number, labels, found, _ = cv2.connectedComponentsWithStats((seen.stays >= MAY_STAY).astype(np.uint8))
-    sure = np.bincount(labels[(seen.stays >= STAYS) & (seen.strength >= CLEAR)], minlength=number)
-    long = found[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1) >= LEAST_LENGTH * max(labels.shape)
-    kept = (sure >= LEAST_SURE * found[:, cv2.CC_STAT_AREA]) & long
+    number, labels, found, _ = cv2.connectedComponentsWithStats((seen.stays >= WEAK_STABLE_FRACTION).astype(np.uint8))
+    sure = np.bincount(labels[(seen.stays >= STABLE_FRACTION) & (seen.strength >= CLEAR_EDGE)], minlength=number)
+    long = found[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1) >= MIN_LENGTH * max(labels.shape)
+    kept = (sure >= MIN_SURE_FRACTION * found[:, cv2.CC_STAT_AREA]) & long
     kept[0] = False
-    half = LONGEST_GAP // 2
+    half = MAX_GAP // 2
     padded = np.pad(kept[labels].astype(np.uint8), half, mode="edge")  # an outline ends at the image's border
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * half + 1, 2 * half + 1))
     return cv2.morphologyEx(padded, cv2.MORPH_CLOSE, disc)[half:-half, half:-half] > 0
@@ -201,13 +201,13 @@ def _parted(seen: _Seen) -> NDArray[np.int32]:
     open_ground = (~_outlines(seen)).astype(np.uint8)
     open_parts = connected_parts(open_ground)
     labels, areas = open_parts.labels, open_parts.areas
-    deep = cv2.distanceTransform(open_ground, cv2.DIST_L1, 3) > BLUR
+    deep = cv2.distanceTransform(open_ground, cv2.DIST_L1, 3) > BLUR_WIDTH
     inner, changed = (np.bincount(labels[mask], minlength=len(areas)) for mask in (deep, deep & seen.lively))
     lively: NDArray[np.float64] = changed / np.maximum(inner, 1)
-    counted = (areas >= LEAST_AREA / 4 * labels.size) & (inner > 0)  # the limit is still to be added
-    liveliest = lively[counted & (areas >= LARGE * labels.size)].max(initial=0)
-    if liveliest < MOVED:
+    counted = (areas >= MIN_AREA / 4 * labels.size) & (inner > 0)  # the limit is still to be added
+    liveliest = lively[counted & (areas >= LARGE_AREA * labels.size)].max(initial=0)
+    if liveliest < MOVED_FRACTION:
         raise SegmentationError("what the images show hardly changes; take some between which the camera has moved")
-    kinds = np.where(lively >= QUIET * liveliest, SCENE, OWN) * counted
+    kinds = np.where(lively >= QUIET_FRACTION * liveliest, SCENE, OWN) * counted
     found: NDArray[np.int32] = kinds[labels].astype(np.int32)
     return found

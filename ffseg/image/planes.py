@@ -14,7 +14,7 @@ from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion, planar_motion
 from ffseg.image.components import Component, merged
 
-CLEAR = 10
+ROBOT_MARGIN = 10
 """Pixels round the robot's disc that its border blurs."""
 CELL = 0.075
 """Metres; the search lands within half a cell, which the half-resolution refinement reaches."""
@@ -29,23 +29,23 @@ TURNS = np.deg2rad(np.arange(-30.0, 30.1, 1.5))
 """Rotations tried between two images first: a robot rarely turns faster."""
 WIDE_TURNS = np.deg2rad(np.concatenate([np.arange(-180.0, -30.0, 2.0), np.arange(32.0, 180.0, 2.0)]))
 """Those tried when none of them fits."""
-MOST_TURNS = 24
+MAX_TURNS = 24
 """Turns that are tried at full resolution at most."""
-STARTS = 4
+MOTIONS_EACH = 4
 """Motions that are handed on of each range of turns."""
 HALF_SMOOTHING = 1.4
 """Pixels of the halved image: with the halving's own smoothing 3 pixels of the whole, which is half a cell 1 m away."""
-CLIP = 2.0
+TEXTURE_CLIP = 2.0
 """Standard deviations of the ground's own texture at which a cell is cut: paint and boxes weigh no more than ground."""
-LEAST_OVERLAP = 0.3
+MIN_OVERLAP = 0.3
 """Share of the current cells that must find a partner."""
-LEAST_ENERGY = 1e-4
+MIN_ENERGY = 1e-4
 """Part of the largest energy below which single precision would decide a correlation."""
-LEAST_PEAK = 0.2
+MIN_PEAK = 0.2
 """Correlation that spares the refinement hopeless starts; whether the ground agrees is for its points to say."""
 SMOOTHED_NOISE = 0.095
 """Part of the pixels' noise that the view's smoothing leaves."""
-ABOVE_NOISE, MOST_OF_NOISE = 2.0, 8.0
+NOISE_SHRINKAGE, NOISE_CLIP = 2.0, 8.0
 """Noise levels that a cell is pulled toward zero by, and at which one on bare ground is cut."""
 
 
@@ -64,15 +64,15 @@ def search_ground_motions(
         peaks = [float(_correlation(small.turned(turn), then_small).max()) for turn in turns]
         order = np.argsort(peaks, kind="stable")[::-1].tolist()
         found: list[tuple[float, float, tuple[float, float]]] = []
-        for rank, index in enumerate(order[:MOST_TURNS]):
+        for rank, index in enumerate(order[:MAX_TURNS]):
             if rank >= FINALISTS and found[0][0] > SURE_PEAK:
                 break
             surface = _correlation(now.turned(turns[index]), spectra)
             at = np.unravel_index(np.argmax(surface), surface.shape)
             found.append((float(surface[at]), float(turns[index]), _shift(surface, at)))
             found.sort(reverse=True)
-        for peak, turn, (dy, dx) in found[:STARTS]:
-            if peak > LEAST_PEAK:
+        for peak, turn, (dy, dx) in found[:MOTIONS_EACH]:
+            if peak > MIN_PEAK:
                 sigma = (CELL, float(TURNS[1] - TURNS[0]))
                 yield planar_motion(camera, np.array([dx * CELL, dy * CELL, turn]), "ground points", 0, sigma)
 
@@ -126,13 +126,13 @@ def _ground_view(camera: Camera, grey: Image, pixels: Plane, mask: Mask) -> _Gro
     view = cv2.remap(smooth, x * 0.5, y * 0.5, cv2.INTER_LINEAR).astype(np.float32)
     valid = cv2.remap(mask.view(np.uint8), x, y, cv2.INTER_NEAREST).astype(np.float32)
     away = np.hypot(x - camera.center[0], y - camera.center[1])
-    valid[away < camera.robot_radius + CLEAR] = 0.0
+    valid[away < camera.robot_radius + ROBOT_MARGIN] = 0.0
     weight = cv2.GaussianBlur(valid, (0, 0), 4.0) + 1e-6
     high = (view - cv2.GaussianBlur(view * valid, (0, 0), 4.0) / weight) * valid
     scale = 1.4826 * np.median(np.abs(high[valid > 0])) if valid.any() else 0.0
     noise = SMOOTHED_NOISE * pixel_noise(grey, mask)
-    most = max(CLIP * scale, MOST_OF_NOISE * noise)
-    shrunk = np.sign(high) * np.clip(np.abs(high) - ABOVE_NOISE * noise, 0.0, most)
+    most = max(TEXTURE_CLIP * scale, NOISE_CLIP * noise)
+    shrunk = np.sign(high) * np.clip(np.abs(high) - NOISE_SHRINKAGE * noise, 0.0, most)
     return _GroundGrid(shrunk.astype(np.float32), valid)
 
 
@@ -147,10 +147,10 @@ def pixel_noise(grey: Image, mask: Mask) -> float:
     below = float(counts[:place].sum())
     width, low = (0.5, 0.0) if place == 0 else (1.0, place - 0.5)
     median = low + width * (0.5 * len(steps) - below) / float(counts[place])
-    return median / MEDIAN_STEP
+    return median / MEDIAN_DIFFERENCE
 
 
-MEDIAN_STEP = 0.9539
+MEDIAN_DIFFERENCE = 0.9539
 """Median of the absolute difference of two normal values, in units of their standard deviation."""
 
 
@@ -174,8 +174,8 @@ def _correlation(view: _GroundGrid, seen: tuple[Plane, Plane, Plane]) -> Plane:
     product = _shifted(texture, seen[0])
     energy = _shifted(squares, seen[2]) * _shifted(valid, seen[1])
     overlap = _shifted(valid, seen[2])
-    enough = overlap > LEAST_OVERLAP * max(1.0, float(view.valid.sum()))
-    enough &= energy > LEAST_ENERGY * max(float(energy.max()), 1e-12)
+    enough = overlap > MIN_OVERLAP * max(1.0, float(view.valid.sum()))
+    enough &= energy > MIN_ENERGY * max(float(energy.max()), 1e-12)
     result: Plane = np.full_like(product, -1.0)
     result[enough] = product[enough] / np.sqrt(energy[enough])
     return result

@@ -26,14 +26,14 @@ def resized(plane: NDArray[Level], shape: tuple[int, int]) -> NDArray[Level]:
     return np.asarray(cv2.resize(np.ascontiguousarray(plane), shape[::-1], interpolation=way), plane.dtype)
 
 
-NOWHERE = -1e4
+OUTSIDE = -1e4
 """Pixel of what is not shown."""
 
 
 def laid_out(table: Plane, homography: Array, count: int) -> tuple[Plane, ...]:
     """Values of a table, shape (n, n, 4), where a homography takes columns and rows: four planes of `count` a side."""
     how = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    laid = cv2.warpPerspective(table, homography, (count, count), flags=how, borderValue=(NOWHERE,) * 4)
+    laid = cv2.warpPerspective(table, homography, (count, count), flags=how, borderValue=(OUTSIDE,) * 4)
     return tuple(np.asarray(plane, np.float32) for plane in cv2.split(laid))
 
 

@@ -19,7 +19,7 @@ from ffseg.io.masks import encode_mask
 
 Document = dict[str, Any]
 
-COARSE = 15.0
+COARSE_AREA = 15.0
 """Square pixels for each pixel of outline, below which COCO gets run lengths even of a region without holes: its reader
 rounds polygons to fifths of a pixel, which changes about a pixel in twenty along the outline. Of 1104 drawn regions above,
 the least overlap was 0.9966; from half of this on, 0.990."""
@@ -69,7 +69,7 @@ def coco_document(image: AnnotatedImage) -> Document:
     -------
     dict
         Image, category and annotations have ids from 1. A region without holes, and not too small or thin for what COCO's
-        reader makes of polygons (`COARSE`), is a polygon; any other is an uncompressed RLE, which comes back pixel for
+        reader makes of polygons (`COARSE_AREA`), is a polygon; any other is an uncompressed RLE, which comes back pixel for
         pixel. ``area`` and ``bbox`` are those of the mask.
     """
     return {
@@ -273,7 +273,7 @@ def _coco_annotation(number: int, region: Polygon, image: AnnotatedImage) -> Doc
 
 def _coco_segmentation(region: Polygon, image: AnnotatedImage) -> Document | list[list[float]]:
     length = np.hypot(*(region.outer - np.roll(region.outer, 1, axis=0)).T).sum()
-    if not region.holes and region.area >= COARSE * length:
+    if not region.holes and region.area >= COARSE_AREA * length:
         return [[value for point in _vertices(region.outer) for value in point]]
     (x, y), (height, width) = region.origin, region.mask.shape
     mask = np.zeros((image.height, image.width), np.bool_)

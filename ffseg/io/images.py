@@ -128,7 +128,9 @@ def read_picture(
     probes = header.check()
     image = _decoded(header.still or data, header, cv2.IMREAD_ANYDEPTH if header.deep and levels is not None else 0)
     if image is None:
-        np.empty(_DECODER_BYTES * header.width * header.height + _DECODER_LEAST, np.uint8)  # or a MemoryError it is
+        np.empty(
+            _DECODER_BYTES * header.width * header.height + _DECODER_BASE_BYTES, np.uint8
+        )  # or a MemoryError it is
         raise _undecodable(header)
     if {image.shape[0], image.shape[1]} != {header.height, header.width}:
         raise ImageReadError("damaged", f"the {header.format} pixels have not the size its header claims; convert it")
@@ -194,7 +196,7 @@ def _heif(data: bytes) -> NDArray[np.uint8] | None:
     return decoded if decoded.ndim == 2 else np.ascontiguousarray(decoded[..., 2::-1])
 
 
-_DECODER_BYTES, _DECODER_LEAST = 8, 1 << 20
+_DECODER_BYTES, _DECODER_BASE_BYTES = 8, 1 << 20
 """Bytes a pixel, and besides, of a decoder at work: three channels, twice, and tables. OpenCV does not tell an image that it
 cannot decode from one for which there is no memory."""
 _TRANSPOSED = (5, 6, 7, 8)

@@ -22,7 +22,7 @@ _OPTIONS = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRIT
 if hasattr(cv2, "IMWRITE_PNG_FILTER"):
     _OPTIONS += [cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_NONE]
 
-MOST_LEVELS = 32
+MAX_LEVELS = 32
 """More levels than this are a photograph, a soft brush or JPEG rather than a mask or class numbers."""
 
 INSIDE = 128
@@ -95,7 +95,7 @@ def load_mask(key: str, path: str | None, limits: Limits | None = None) -> Image
     except ImageReadError as error:
         raise ParameterError(f"{key}: {printable(path)}: {error}") from error
     found = np.count_nonzero(cv2.calcHist([levels], [0], None, [1 << 16], [0, 1 << 16]))
-    if found > MOST_LEVELS:
+    if found > MAX_LEVELS:
         what = f"{printable(path)} holds {found} levels, as a photograph, a soft brush or JPEG does"
         raise ParameterError(f"{key}: {what}; 0 is outside and 255 inside: draw it with a hard brush, save it as PNG")
     return np.where(levels > 0, np.uint8(255), np.uint8(0))

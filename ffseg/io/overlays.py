@@ -28,9 +28,9 @@ COLOURS: dict[Kind, tuple[int, int, int]] = {
 """BGR: green free space, red obstacles, blue ground given back, yellow what no point tested; of points drawn on demand:
 cyan agrees with the ground, magenta differs, grey says nothing."""
 
-_TINT_SHARE = 0.25
+_TINT_FRACTION = 0.25
 """Of the green in what is inside: the picture stays readable below."""
-_TINTED = np.rint((1 - _TINT_SHARE) * np.arange(256)[:, None] + _TINT_SHARE * np.array(COLOURS["outer"])).astype(
+_TINTED = np.rint((1 - _TINT_FRACTION) * np.arange(256)[:, None] + _TINT_FRACTION * np.array(COLOURS["outer"])).astype(
     np.uint8
 )[:, None, :]
 """What each level of each channel becomes inside, shape (256, 1, 3)."""

@@ -22,7 +22,7 @@ from ffseg.io.overlays import as_colour
 
 _RAW = re.compile(r"(\d{1,5})x(\d{1,5}):(bgr24|rgb24|gray)")
 _MAGIC, _FRAME = b"YUV4MPEG2", b"FRAME"
-_LONGEST = 1024
+_MAX_HEADER = 1024
 """Bytes of a header line."""
 _COLOURS = ("420", "420jpeg", "420mpeg2", "420paldv", "mono")
 _CHANNELS = {"bgr24": 3, "rgb24": 3, "gray": 1}
@@ -91,7 +91,7 @@ def _raw_form(raw: str) -> FrameFormat:
 
 
 def _y4m_form(stream: BinaryIO) -> FrameFormat:
-    head = stream.readline(_LONGEST)
+    head = stream.readline(_MAX_HEADER)
     magic, *fields = head.split() or [b""]
     if magic != _MAGIC:
         raise UsageError("stdin holds no Y4M; send ffmpeg -f yuv4mpegpipe, or raw frames and say --raw 800x600:bgr24")
@@ -120,7 +120,7 @@ def frames(stream: BinaryIO, form: FrameFormat) -> Iterator[Image]:
     """
     for number in itertools.count():
         if not form.is_raw:
-            line = stream.readline(_LONGEST)
+            line = stream.readline(_MAX_HEADER)
             if not line:
                 return
             if not line.startswith(_FRAME):

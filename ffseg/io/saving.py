@@ -96,7 +96,7 @@ _BEGINNINGS = {
     "report": rb'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<meta http-equiv="Content-Security-Policy"',
 }
 """How files begin that `encoded`, `learn`, `tune` and `report` write; other programs write them otherwise."""
-_LOOKED_AT = 512
+_HEAD_BYTES = 512
 """Bytes of a file that tell how it begins."""
 
 
@@ -108,7 +108,7 @@ def is_own(path: str, kind: str) -> bool:
         return not holds_other_than_mask(path)
     try:
         with Path(path).open("rb") as file:
-            begins = file.read(_LOOKED_AT)
+            begins = file.read(_HEAD_BYTES)
     except OSError:  # to be told when it is written
         return True
     return not begins or re.match(_BEGINNINGS[kind], begins) is not None

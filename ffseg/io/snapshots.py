@@ -33,14 +33,14 @@ def evenly_spaced(snapshots: Sequence[Snapshot], count: int) -> list[Snapshot]:
     return [snapshots[place] for place in dict.fromkeys(places.tolist())]
 
 
-TALLEST = 4096
+MAX_HEIGHT = 4096
 """Pixels of a scaled picture: more than any screen has, and WebP ends at 16383."""
 
 
 def scaled_down(image: Image, width: int) -> tuple[Image, float]:
-    """Image of at most `width` px, and `TALLEST` high, as BGR, and its scale; never enlarged."""
+    """Image of at most `width` px, and `MAX_HEIGHT` high, as BGR, and its scale; never enlarged."""
     height, full = image.shape[:2]
-    scale = min(1.0, width / full, TALLEST / height)
+    scale = min(1.0, width / full, MAX_HEIGHT / height)
     size = (max(1, round(full * scale)), max(1, round(height * scale)))
     small = cv2.resize(image, size, interpolation=cv2.INTER_AREA) if scale < 1 else image
     return as_colour(np.asarray(small, np.uint8)), scale

@@ -12,7 +12,7 @@ from typing import Any, Literal
 from ffseg.errors import ParameterError
 from ffseg.io.files import printable
 from ffseg.io.tables import csv_table, neutral
-from ffseg.parameters import FARTHEST, Box, Parameters, Point, Seed
+from ffseg.parameters import MAX_COORDINATE, Box, Parameters, Point, Seed
 from ffseg.schema.nodes import Problems
 from ffseg.schema.strict_csv import finite, read_table, rows_of
 
@@ -29,7 +29,7 @@ KINDS = {
 }
 LIMITS = {"probability": (0.01, 0.99), "clearance": (0.0, 1000.0)}
 """Values allowed, as of the parameters whose place they take."""
-MAX_PIXELS = float(FARTHEST)
+MAX_PIXELS = float(MAX_COORDINATE)
 """Positions and radii beyond this lie in no image that is read."""
 
 
@@ -204,7 +204,7 @@ def _require_rows(names: Mapping[str, str], rows: Mapping[str, _Row], name: str,
     """Refuse a file that names no image, and rows of no image that are nearly called like one without a row."""
     used = set(names.values())
     spare = {row: line for row, (line, _) in rows.items() if row not in used}
-    for image in [image for image, key in names.items() if not key][:_MOST_COMPARED]:
+    for image in [image for image, key in names.items() if not key][:_MAX_COMPARED]:
         near = _nearest(image, spare)
         if near or used <= {""}:
             problems.add(name, f"no row for the image {printable(image)!r}{near}; add one, or leave the image out")
@@ -313,5 +313,5 @@ def _nearest(image: str, lines: Mapping[str, int]) -> str:
     return f" (line {lines[near[0]]} has {near[0][:60]!r})" if near else ""
 
 
-_MOST_COMPARED = 3
+_MAX_COMPARED = 3
 """Images looked up for a similar name: looking takes long in a long file, and the first ones show the reason."""

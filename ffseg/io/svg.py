@@ -22,7 +22,7 @@ DECIMALS = 4
 _TINT = ' fill="#50dc3c" fill-opacity="0.25" stroke="#50dc3c"'
 """The look of overlays, over an image."""
 _COMMANDS = {1: "L", 2: "Q", 3: "C"}
-_LARGEST_NATIVE = 1e11
+_MAX_NATIVE = 1e11
 """Pixels; beyond, ten-thousandths are no exact integers."""
 
 _NOT_XML = "[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
@@ -73,7 +73,7 @@ def path_data(contour: FreeForm) -> str:
         cubics = np.concatenate([bezier.as_cubics(patch, CUBIC_TOLERANCE) for patch in contour.patches])
         points, degree = cubics[:, :3].reshape(-1, 2), 3
     shifted = points + 0.5
-    if np.abs(shifted).max() <= _LARGEST_NATIVE:
+    if np.abs(shifted).max() <= _MAX_NATIVE:
         return _core.path_text(shifted, degree)
     return _path_text(shifted, degree)
 

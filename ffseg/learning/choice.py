@@ -11,14 +11,14 @@ import numpy as np
 from ffseg.evidence.maps import log_odds
 from ffseg.learning.space import LEVEL, Setting
 
-LEAST_GAIN = 0.01
+MIN_GAIN = 0.01
 """A mean IoU that is higher by less is not worth other parameters; nor is one that is higher by less for each unit of log
 odds by which the level of probabilities is moved."""
 
-LEAST_SPREAD = 0.1
+MIN_SPREAD = 0.1
 """Gains on images of one kind lie no nearer together, whatever a few images say."""
 
-ERRORS = 2.0
+MIN_STANDARD_ERRORS = 2.0
 """Standard errors by which the best of the other settings must be better. With 1.5, three masks of floors chose settings that
 on the rest came out worse by .03 in the mean; with 2.5, three masks of roads gave up a third of what there is to gain."""
 
@@ -26,10 +26,10 @@ NEIGHBOURS = 40
 """The spread of the gains is that of so many of the best settings: the one that is best on few images has a small one by
 chance."""
 
-HANDICAP = 0.1
+LOWER_LEVEL_MARGIN = 0.1
 """Mean IoU by which lower levels must be better than the one at hand: they leak, on some images all at once."""
 
-TEMPER = 0.02
+TEMPERATURE = 0.02
 """Mean IoU that a level may be worth less than the best and still have a third of its say."""
 
 
@@ -79,8 +79,8 @@ class Trials:
 
         Notes
         -----
-        Another setting takes the place of the best level only where its mean is higher by ``ERRORS`` standard errors, and by
-        ``LEAST_GAIN`` at least. Nothing is chosen from one image, which cannot tell chance from kind.
+        Another setting takes the place of the best level only where its mean is higher by ``MIN_STANDARD_ERRORS`` standard
+        errors, and by ``MIN_GAIN`` at least. Nothing is chosen from one image, which cannot tell chance from kind.
         """
         if len(images) < 2:
             return self.plain
@@ -89,8 +89,8 @@ class Trials:
             return level
         gains = np.array([one.on(images) for one in self.others]) - level.on(images)
         first = np.argsort(-gains.mean(axis=1), kind="stable")[:NEIGHBOURS]
-        spread = max(LEAST_SPREAD, float(np.sqrt(gains[first].var(axis=1, ddof=1).mean())))
-        least = max(LEAST_GAIN, ERRORS * spread / len(images) ** 0.5)
+        spread = max(MIN_SPREAD, float(np.sqrt(gains[first].var(axis=1, ddof=1).mean())))
+        least = max(MIN_GAIN, MIN_STANDARD_ERRORS * spread / len(images) ** 0.5)
         return self.others[first[0]] if gains[first[0]].mean() > least else level
 
     def best_level(self, images: Sequence[int]) -> Trial:
@@ -108,13 +108,13 @@ class Trials:
         worth = np.array([self._worth(one, images, far) for one, far in zip(tried, moved.tolist(), strict=True)])
         if worth.argmax() == 0:
             return self.plain
-        say = np.exp((worth - worth.max()) / TEMPER)
+        say = np.exp((worth - worth.max()) / TEMPERATURE)
         return tried[int(np.abs(moved - say @ moved / say.sum()).argmin())]
 
     def _worth(self, one: Trial, images: Sequence[int], moved: float) -> float:
         gains = [after - before for after, before in zip(one.on(images), self.plain.on(images), strict=True)]
-        handicap = HANDICAP if moved < 0 else 0.0
-        return float(mean(gains) - stdev(gains) / len(gains) ** 0.5 - LEAST_GAIN * abs(moved) - handicap)
+        handicap = LOWER_LEVEL_MARGIN if moved < 0 else 0.0
+        return float(mean(gains) - stdev(gains) / len(gains) ** 0.5 - MIN_GAIN * abs(moved) - handicap)
 
     def left_out(self) -> tuple[float, ...]:
         """IoU of each image with what the others speak for."""

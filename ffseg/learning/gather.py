@@ -21,12 +21,12 @@ from ffseg.io.files import printable
 from ffseg.io.images import single_thread
 from ffseg.io.masks import NO_MASKS, Masks, named_masks
 from ffseg.io.starts import Start, finds_starts, load_starts
-from ffseg.learning.training import LEAST_KNOWN
+from ffseg.learning.training import MIN_KNOWN
 from ffseg.metrics import IGNORED, INSIDE, OUTSIDE
 from ffseg.parameters import Parameters
 from ffseg.starts.initial import start_contours
 
-MOST_NAMED = 4
+MAX_NAMED = 4
 """Images that a message names."""
 
 
@@ -186,12 +186,12 @@ def known_share(labelled: Sequence[LabelledImage]) -> float:
 
 def few_known(share: float) -> list[str]:
     """What to say where figures count few of the pixels, as of masks that are scribbles."""
-    if share >= LEAST_KNOWN:
+    if share >= MIN_KNOWN:
         return []
     return [f"the masks know {share:.1%} of the pixels; the figures of IoU count no others"]
 
 
 def some_names(names: Sequence[str]) -> str:
     """Some names, and how many more there are."""
-    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
-    return ", ".join(names[:MOST_NAMED]) + more
+    more = f" and {len(names) - MAX_NAMED} more" if len(names) > MAX_NAMED else ""
+    return ", ".join(names[:MAX_NAMED]) + more

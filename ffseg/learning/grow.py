@@ -3,7 +3,7 @@
 Writes ``prior.ffmodel``, ``base.ffmodel``, ``box.ffmodel`` and ``hints.ffmodel``. No photograph is read: all they learn from
 is what ``ffseg/learning/drawn`` draws from the seeds written there. The same versions of NumPy, OpenCV and LightGBM give the same
 bytes on any x86-64 machine: the command starts itself again without the vector instructions that not all of them have
-(`SAME_EVERYWHERE`).
+(`SAME_ARITHMETIC`).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from ffseg.arrays import Array, Floats, Mask, Plane
 from ffseg.evidence import base, box, hints, prior
 from ffseg.evidence.clicks import HALF, Click, ClickedImage, first_state, next_state
-from ffseg.evidence.features import NAMES, PLACE, WORKING_SIZE, features
+from ffseg.evidence.features import DEFAULT_FEATURES, PLACE_FEATURES, WORKING_SIZE, features
 from ffseg.evidence.forest import Compiled, Model, from_bytes, to_bytes
 from ffseg.evidence.surroundings import STRIDE
 from ffseg.image.exposure import normalised_exposure
@@ -34,11 +34,11 @@ from ffseg.learning.drawn.sights import KINDS, Sight, sights
 from ffseg.learning.training import SETTINGS, converted, known_pixels
 from ffseg.metrics import IGNORED, INSIDE
 
-LOOKS, PIXELS = 160, 400
+VIEWS_PER_KIND, PIXELS_PER_VIEW = 160, 400
 """Looks at each kind of pictures, and pixels taken of each look."""
 
 TREES = 110
-GROWN = {
+FOREST_SETTINGS = {
     **SETTINGS,
     "learning_rate": 0.08,
     "num_leaves": 24,
@@ -49,30 +49,30 @@ GROWN = {
 """Settings of LightGBM beside those that `ffseg learn` has."""
 
 LEARNED_START = 4.0
-"""Reduced pixels; the prior learns from smaller starts than it is asked with (`prior.LEAST_START`)."""
+"""Reduced pixels; the prior learns from smaller starts than it is asked with (`prior.MIN_START_RADIUS`)."""
 
 BOXES = {"thing": 4, "animal": 4, "tissue": 2, "field": 2, "organ": 2, "nuclei": 2, "colony": 2}
 """Boxes that are drawn round one object, for each kind of pictures that shows objects and no ground: most round what looks
 most unlike itself."""
 
-WIDE, LOOSE = 0.8, (-0.02, 0.1)
+MAX_BOX_FRACTION, LOOSENESS = 0.8, (-0.02, 0.1)
 """Part of a picture up to which a box is learned from, and by how much a loose box is larger on each side than the one round
 the truth, in parts of the mean of its sides."""
 
-HINTED = 40
+CLICKED_VIEWS = 40
 """Looks at each kind with clicks; each gives half a dozen of what one start gives. A hundred grow no better forest."""
 
-OTHERS = 50_000
+FIRST_CLICKED = 50_000
 """Number of the first picture with clicks: what the prior says of those that it has learned from is too good."""
 
-CLICKS, CLICKED, CLICK_SIZES = (3, 9), 150, (0.005, 0.02)
+CLICKS, PIXELS_PER_CLICK, CLICK_SIZES = (3, 9), 150, (0.005, 0.02)
 """Least number of clicks in a picture and one more than the most; pixels taken after each; radii in parts of its longer side."""
 
-NOT_KNOWN = np.int8(-1)
+UNKNOWN = np.int8(-1)
 
-BASE_SEES = tuple(name for name in NAMES if name not in PLACE[:4])
+BASE_FEATURES = tuple(name for name in DEFAULT_FEATURES if name not in PLACE_FEATURES[:4])
 
-SAME_EVERYWHERE = {
+SAME_ARITHMETIC = {
     "NPY_DISABLE_CPU_FEATURES": "AVX2 FMA3 AVX512F AVX512CD AVX512_SKX",
     "OPENBLAS_CORETYPE": "Nehalem",
     "OPENCV_CPU_DISABLE": "AVX,FP16,AVX2,FMA3,AVX512-SKX",
@@ -95,13 +95,13 @@ def main() -> int:
     """Write all forests."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
     parser.add_argument("--out", type=Path, default=prior.MODEL.parent, help="folder to write to")
-    parser.add_argument("--looks", type=int, default=LOOKS, metavar="N", help="looks at each kind of pictures")
+    parser.add_argument("--looks", type=int, default=VIEWS_PER_KIND, metavar="N", help="looks at each kind of pictures")
     options = parser.parse_args()
-    if any(os.environ.get(name) != value for name, value in SAME_EVERYWHERE.items()):
+    if any(os.environ.get(name) != value for name, value in SAME_ARITHMETIC.items()):
         again = [sys.executable, "-m", "ffseg.learning.grow", *sys.argv[1:]]
-        os.execve(sys.executable, again, os.environ | SAME_EVERYWHERE)  # noqa: S606 - this very program
+        os.execve(sys.executable, again, os.environ | SAME_ARITHMETIC)  # noqa: S606 - this very program
     options.out.mkdir(parents=True, exist_ok=True)
-    few = max(1, options.looks * HINTED // LOOKS)
+    few = max(1, options.looks * CLICKED_VIEWS // VIEWS_PER_KIND)
     about, about_few = (
         {"drawn": {"looks": count, "kinds": list(KINDS)}, "photographs": 0} for count in (options.looks, few)
     )
@@ -109,7 +109,7 @@ def main() -> int:
         looks = [one for found in pool.map(prior_samples, KINDS, [options.looks] * len(KINDS)) for one in found]
         models = [
             to_bytes(grow([part for look in looks for part in look[place]], names, about))
-            for place, names in enumerate((prior.FEATURE_NAMES, BASE_SEES, box.FEATURE_NAMES))
+            for place, names in enumerate((prior.FEATURE_NAMES, BASE_FEATURES, box.FEATURE_NAMES))
         ]
         hinted = pool.map(hint_samples, KINDS, [few] * len(KINDS), models[:1] * len(KINDS))
         models.append(to_bytes(grow([part for found in hinted for part in found], hints.FEATURE_NAMES, about_few)))
@@ -138,7 +138,7 @@ def for_prior(seen: Sight, rng: np.random.Generator) -> Samples:
 def for_base(seen: Sight, rng: np.random.Generator) -> Samples:
     """Some known pixels as the base sees them."""
     found = features(normalised_exposure(seen.image), seen.disc())
-    planes = found.planes[[NAMES.index(name) for name in BASE_SEES]]
+    planes = found.planes[[DEFAULT_FEATURES.index(name) for name in BASE_FEATURES]]
     return sampled(planes, known_pixels(seen.truth, found.factor), rng)
 
 
@@ -147,7 +147,7 @@ def hint_samples(kind: str, count: int, model_file: bytes) -> list[Samples]:
     single_thread()
     model = from_bytes(model_file, prior.FEATURE_NAMES)
     ask, found = (model, model.inside.compiled()), []
-    for number, seen in enumerate(sights(kind, count, OTHERS)):
+    for number, seen in enumerate(sights(kind, count, FIRST_CLICKED)):
         rng = np.random.default_rng([*kind.encode(), number, 2])
         found += for_clicks(seen, ask, rng)
     return found
@@ -176,12 +176,14 @@ def for_clicks(seen: Sight, ask: Compiled, rng: np.random.Generator) -> list[Sam
         view = hints.hint_view(own, outside & ~inside)
         planes = hints.all_planes(view, last)
         known, near = known_pixels(seen.truth, view.seen.factor)[::STRIDE, ::STRIDE], clicked.near(last)
-        found += [sampled(planes, np.where(near, known, NOT_KNOWN), rng, CLICKED)]
+        found += [sampled(planes, np.where(near, known, UNKNOWN), rng, PIXELS_PER_CLICK)]
         say, likelier, nearer = (
             planes[hints.FEATURE_NAMES.index(name)] for name in ("prior", "likelier", "inside_or_outside")
         )
         guess = np.clip(
-            say + rng.uniform() * likelier - rng.uniform(0, 2) * nearer + rng.normal(), -prior.CERTAIN, prior.CERTAIN
+            say + rng.uniform() * likelier - rng.uniform(0, 2) * nearer + rng.normal(),
+            -prior.MAX_LOG_ODDS,
+            prior.MAX_LOG_ODDS,
         )
         state = next_state(
             clicked, state, *hints.near_and_elsewhere(guess.astype(np.float32), view, last), inside, last
@@ -192,13 +194,13 @@ def for_clicks(seen: Sight, ask: Compiled, rng: np.random.Generator) -> list[Sam
 def for_box(kind: str, number: int, seen: Sight) -> list[Samples]:
     """Some known pixels in boxes round what is inside, one as narrow as it is and loose ones; none in wide boxes."""
     rows, columns = (np.flatnonzero((seen.truth == INSIDE).any(axis=axis)) for axis in (1, 0))
-    if kind not in BOXES or len(rows) * len(columns) > WIDE * seen.truth.size:
+    if kind not in BOXES or len(rows) * len(columns) > MAX_BOX_FRACTION * seen.truth.size:
         return []
     rng = np.random.default_rng([*kind.encode(), number, 2])
     mean_side, found = (len(rows) + len(columns)) / 2, []
     tight = np.array([columns[0], rows[0], columns[-1], rows[-1]], np.float64)
     for loose in range(BOXES[kind]):
-        share = rng.uniform(*LOOSE, 4) if loose else np.zeros(4)
+        share = rng.uniform(*LOOSENESS, 4) if loose else np.zeros(4)
         left, top, right, bottom = (tight + np.array([-1, -1, 1, 1]) * share * mean_side).tolist()
         view = box.box_view(seen.image, window_of((left, top, right, bottom), seen.truth.shape))
         if view is not None:
@@ -208,7 +210,7 @@ def for_box(kind: str, number: int, seen: Sight) -> list[Samples]:
     return found
 
 
-def sampled(planes: Plane, known: NDArray[np.int8], rng: np.random.Generator, most: int = PIXELS) -> Samples:
+def sampled(planes: Plane, known: NDArray[np.int8], rng: np.random.Generator, most: int = PIXELS_PER_VIEW) -> Samples:
     """Some of the pixels that are known, of planes of shape (F, h, w), half of them inside.
 
     Both sides are weighed between alike and by their area.
@@ -236,7 +238,7 @@ def grow(looks: Sequence[Samples], names: tuple[str, ...], about: dict[str, obje
         np.concatenate([one.inside for one in looks]).astype(np.float32),
         weight=weights / weights.mean(),
     )
-    booster = lightgbm.train(GROWN, data, TREES)
+    booster = lightgbm.train(FOREST_SETTINGS, data, TREES)
     return Model(converted(booster.dump_model()["tree_info"], names), None, WORKING_SIZE, about)
 
 

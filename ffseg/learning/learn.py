@@ -13,7 +13,7 @@ from ffseg.arrays import Image, Mask, Plane
 from ffseg.batch.plan.sources import InputImage
 from ffseg.batch.workers.pictures import read_source
 from ffseg.errors import ImageReadError, SegmentationError, UsageError
-from ffseg.evidence.features import KNOWN, features
+from ffseg.evidence.features import ALL_FEATURES, features
 from ffseg.evidence.forest import Model
 from ffseg.evidence.prior import prior
 from ffseg.evidence.source import model_odds, model_start
@@ -33,16 +33,16 @@ FOLDS = 10
 CURVE_TREES = 40
 """Trees of the forests that only show how figures rise with the number of masks."""
 
-DRAWS, MOST_TESTED = 3, 10
+DRAWS, MAX_TESTED = 3, 10
 """Random choices of masks at each number, and images that each is tested on."""
 
-WORTH = 0.005
+MIN_WORTH = 0.005
 """A mask that raises the mean IoU by less is not worth drawing."""
 
-NOISE = 2.0
+MIN_STANDARD_ERRORS = 2.0
 """Standard errors that a model's figure must be above the figure without it to be called better."""
 
-MOST_LOOKED_AT = 200
+MAX_UNMARKED = 200
 """Images without a mask that are looked at to name the next."""
 
 Tell = Callable[[str], None]
@@ -63,7 +63,7 @@ class CrossValidation:
     curve : tuple of (int, float)
         Number of masks and mean IoU of the contours on others, of small forests used as models are.
     more : int
-        How many more masks may each still raise the mean by ``WORTH``.
+        How many more masks may each still raise the mean by ``MIN_WORTH``.
     following : str
         The image to draw a mask of next; empty where all have one.
     base : BaseChoice or None
@@ -151,7 +151,7 @@ def _figures(labelled: Sequence[LabelledImage], chosen: Sequence[Samples], tell:
             other[i] = _overlap(labelled[i], None)
         tell(f"left out part {number + 1} of {len(folds)}: IoU {mean(own[i] for i in fold):.3f}")
     gains = [a - b for a, b in zip(own, other, strict=True)]
-    helps = mean(gains) > NOISE * stdev(gains) / len(gains) ** 0.5
+    helps = mean(gains) > MIN_STANDARD_ERRORS * stdev(gains) / len(gains) ** 0.5
     curve = _curve(labelled, chosen)
     more = _worth_drawing(curve, count)
     return CrossValidation(count, mean(own), pstdev(own), mean(other), pstdev(other), helps, curve, more)
@@ -188,7 +188,9 @@ def _curve(labelled: Sequence[LabelledImage], chosen: Sequence[Samples]) -> tupl
     count, rng, points = len(chosen), np.random.default_rng(0), []
     labelled = [_started(replace(one, params=_without_model(one.params)), rng) for one in labelled]
     seen = [
-        features(normalised_exposure(one.image), one.start, names=KNOWN) for one in labelled if one.start is not None
+        features(normalised_exposure(one.image), one.start, names=ALL_FEATURES)
+        for one in labelled
+        if one.start is not None
     ]
     odds = [prior(one.image, one.start) for one in labelled if one.start is not None]
     if len(seen) < count:
@@ -198,7 +200,7 @@ def _curve(labelled: Sequence[LabelledImage], chosen: Sequence[Samples]) -> tupl
         for _ in range(DRAWS):
             drawn = rng.permutation(count)
             model = grown([chosen[i] for i in drawn[:number]], CURVE_TREES)
-            tested = drawn[number:][:MOST_TESTED]
+            tested = drawn[number:][:MAX_TESTED]
             found += [_contoured(labelled[i], labelled[i].params, model.map(seen[i], prior=odds[i])) for i in tested]
         points.append((number, round(mean(found), 4)))
     return tuple(points)
@@ -216,20 +218,20 @@ def _started(one: LabelledImage, rng: np.random.Generator) -> LabelledImage:
 
 
 def _worth_drawing(curve: Sequence[tuple[int, float]], count: int) -> int:
-    """How many more masks each raise the mean by ``WORTH``, from a line through IoU over 1 / masks."""
+    """How many more masks each raise the mean by ``MIN_WORTH``, from a line through IoU over 1 / masks."""
     if len(curve) < 2:
         return 0
     inverse, height = np.array([1 / number for number, _ in curve]), np.array([value for _, value in curve])
     slope = -float(np.polyfit(inverse, height, 1)[0])
     last = count
-    while slope / (last * (last + 1)) >= WORTH:
+    while slope / (last * (last + 1)) >= MIN_WORTH:
         last += 1
     return last - count
 
 
 def _order(gathered: TrainingSet, model: Model, params: Parameters, tell: Tell) -> tuple[str, ...]:
-    """Images without a mask, at most ``MOST_LOOKED_AT``, those the model is least sure of first."""
-    doubts = {one.name: _doubt(one, gathered, model, params, tell) for one in gathered.others[:MOST_LOOKED_AT]}
+    """Images without a mask, at most ``MAX_UNMARKED``, those the model is least sure of first."""
+    doubts = {one.name: _doubt(one, gathered, model, params, tell) for one in gathered.others[:MAX_UNMARKED]}
     order = tuple(sorted((name for name, doubt in doubts.items() if doubt >= 0), key=doubts.__getitem__, reverse=True))
     if order:
         tell(f"least sure of {printable(order[0])}")

@@ -21,10 +21,10 @@ from ffseg.metrics import IGNORED, INSIDE
 from ffseg.parameter_text import non_defaults, yaml_lines, yaml_value
 from ffseg.parameters import Parameters
 
-MOST_SHOWN = 60
+MAX_SHOWN = 60
 """Images on the page."""
 
-WIDEST = 360
+MAX_WIDTH = 360
 """px; pictures on the page are no wider."""
 
 
@@ -102,7 +102,7 @@ def to_html(
         sentences.append(f"after: with the setting of the highest mean, which is not taken: {best}")
     lines = "".join(f"<p>{html.escape(line)}</p>" for line in sentences)
     rows = []
-    for one, pair, before, after in list(zip(labelled, masks, tuned.before, tuned.after, strict=True))[:MOST_SHOWN]:
+    for one, pair, before, after in list(zip(labelled, masks, tuned.before, tuned.after, strict=True))[:MAX_SHOWN]:
         name = html.escape(printable(one.name))
         pictures = "".join(f'<img alt="{name}" src="{_picture(one, mask)}">' for mask in pair)
         rows.append(f"<section><h2>{name}</h2><p>IoU {before:.3f} before, {after:.3f} after</p>{pictures}</section>")
@@ -129,7 +129,7 @@ _FOUND, _MISSED, _LEAKED = (90, 200, 60), (220, 120, 40), (30, 140, 255)
 
 def _picture(one: LabelledImage, mask: Mask) -> str:
     """The image with what was found, missed and leaked, as a data address."""
-    step = max(1, -(-one.image.shape[1] // WIDEST))
+    step = max(1, -(-one.image.shape[1] // MAX_WIDTH))
     image, truth, found = one.image[::step, ::step], one.truth[::step, ::step], mask[::step, ::step]
     colour = np.repeat(image[..., None], 3, axis=2) if image.ndim == 2 else image.copy()
     inside, counted = truth == INSIDE, truth != IGNORED

@@ -17,13 +17,13 @@ HIGHS = (1.5, 2.2, 3.3, 5.0, 7.5, 11.0, 16.0, 24.0, 36.0)
 """High Canny thresholds, grey levels per pixel, each about half as high again; the low one is half of it."""
 CLEARANCES = (0.0, 0.0, 3.0, 6.0, 10.0, 16.0, 24.0)
 """px; none at all is tried twice as often as any other."""
-AUTO_SHARE = 0.2
+AUTO_FRACTION = 0.2
 """Part of the settings that leave the thresholds to the image."""
 LIGHTS = (("linear", 0.0), ("root", 11.0))
 """Grey levels of which gradients are taken, and px of the highlights that are taken out: as they are, or with shade evened out
 and without gloss and painted lines."""
 
-MOST_SETTINGS = 240
+MAX_SETTINGS = 240
 """Half of all there are: among more, few masks find others that are no better on the rest."""
 
 BASES = (2, 3, 5, 7, 11)
@@ -31,7 +31,7 @@ THRESHOLDS = "edges.canny"
 LEVEL = "region.probability"
 LEVEL_STEP, LEVEL_STEPS = 0.5, 4
 """Log odds between one level of probability and the next, and levels to each side of the one at hand."""
-LEAST_LEVEL = 0.01
+MIN_LEVEL = 0.01
 """No level is lower, and none higher than the rest to one."""
 JUDGED = ("auto", "prior", "model")
 """Edge sources that tell a probability, by which a level can be moved."""
@@ -64,21 +64,21 @@ def levels(params: Parameters) -> list[Setting]:
     own = params.region.probability
     steps = [sign * step for step in range(1, LEVEL_STEPS + 1) for sign in (1, -1)]
     moved = [1 / (1 + exp(-log_odds(own) - LEVEL_STEP * step)) for step in steps]
-    return [{LEVEL: round(level, 2)} for level in moved if LEAST_LEVEL <= level <= 1 - LEAST_LEVEL]
+    return [{LEVEL: round(level, 2)} for level in moved if MIN_LEVEL <= level <= 1 - MIN_LEVEL]
 
 
 def settings() -> Iterator[Setting]:
     """So many settings, each different from the ones before it."""
     seen: set[tuple[object, ...]] = set()
     index = 0
-    while len(seen) < MOST_SETTINGS:
+    while len(seen) < MAX_SETTINGS:
         index += 1
         first, second, third, fourth, fifth = (halton(index, base) for base in BASES)
         high = HIGHS[int(first * len(HIGHS))]
         grey, highlights = LIGHTS[int(fifth * len(LIGHTS))]
         setting: Setting = {
             "edges.source": SHARED,
-            THRESHOLDS: "auto" if third < AUTO_SHARE else (high / 2, high),
+            THRESHOLDS: "auto" if third < AUTO_FRACTION else (high / 2, high),
             "edges.sigma": SIGMAS[int(second * len(SIGMAS))],
             "contour.clearance": CLEARANCES[int(fourth * len(CLEARANCES))],
             "edges.levels": grey,

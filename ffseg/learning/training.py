@@ -13,9 +13,18 @@ from numpy.typing import NDArray
 from ffseg.arrays import Floats, Image, Indices, Mask
 from ffseg.errors import UsageError
 from ffseg.evidence.base import base, enough_of, joined, mean_overlap, odds_of
-from ffseg.evidence.features import KNOWN, NAMES, PLACE, TEXTURE, WORKING_SIZE, features, reduced_mean, reduction
+from ffseg.evidence.features import (
+    ALL_FEATURES,
+    DEFAULT_FEATURES,
+    PLACE_FEATURES,
+    SCALE_FEATURES,
+    WORKING_SIZE,
+    features,
+    reduced_mean,
+    reduction,
+)
 from ffseg.evidence.forest import Forest, Model
-from ffseg.evidence.openings import OPEN
+from ffseg.evidence.openings import OPENING_FEATURES
 from ffseg.evidence.prior import prior
 from ffseg.image.exposure import normalised_exposure
 from ffseg.metrics import IGNORED, INSIDE, OUTSIDE
@@ -31,10 +40,10 @@ what holds from any start."""
 PIXELS = 6000
 """Pixels taken of an image; neighbours say nearly the same."""
 
-MIXED = 0.2
+MIXED_FRACTION = 0.2
 """A reduced pixel of which between this share and the rest lies inside is no sample of either."""
 
-LEAST_KNOWN = 0.5
+MIN_KNOWN = 0.5
 """Part of the pixels; masks that know less are scribbles: they say little of where the region ends, and each of their pixels
 counts. Where the rest of a mask is known, reduced pixels at the edge of what is not do harm: with them unseen road frames,
 learned from three masks, had a mean IoU of .801, without .810."""
@@ -56,16 +65,16 @@ SETTINGS = {
 }
 """Of LightGBM; one thread, so that the same masks give the same model."""
 
-TREES, RATE = 100, 0.1
+TREES, LEARNING_RATE = 100, 0.1
 
-LEAVES_OF_AN_IMAGE, LEAST_IN_LEAF = 24, 20
+LEAVES_OF_AN_IMAGE, MIN_IN_LEAF = 24, 20
 """A leaf holds as many pixels as this part of an image: smaller ones learn what only one image has. On unseen road frames
 a twelfth as many gave an IoU lower by .02 from three and from five masks."""
 
-PART = 0.7
+TREE_FRACTION = 0.7
 """Part of the trees that each of two forests has whose mean is taken; their rate of learning is higher by as much."""
 
-CORRECTED = 0.4
+CORRECTION_FRACTION = 0.4
 """Part of the trees where they correct the base: with all of them, few masks unlearn what it knows, and unseen floors come out
 worse by .02."""
 
@@ -73,18 +82,18 @@ PRIOR_WEIGHT = 1.0
 """Of the prior's log odds beside a model's own: two witnesses that do not know of each other. With half of it things, floors
 and mirrors gain less, and roads lose less where the prior is asked in vain."""
 
-THIN = 5
+SUBSAMPLING = 5
 """Every fifth pixel is enough to see how well masks teach each other; so many starts lie one behind another."""
 
-TRUSTED, TRUST = "open3", 0.5
+TRUSTED_FEATURE, TRUSTED_LOG_ODDS = "open3", 0.5
 """The open ground that a forest of one mask trusts beyond what it has learned, and the log odds that it gets there."""
 
-TAUGHT = tuple(name for name in KNOWN if not name.startswith("bend"))
+FOREST_FEATURES = tuple(name for name in ALL_FEATURES if not name.startswith("bend"))
 """Features that forests are grown on: without the bends of the light, which teach the grain of the few images, unseen
 road frames and floors come out better by .01 to .03."""
 
-WITHOUT_START = tuple(
-    name for name in TAUGHT if name.partition("@")[0] in TEXTURE or name in PLACE[:2]
+STARTLESS_FEATURES = tuple(
+    name for name in FOREST_FEATURES if name.partition("@")[0] in SCALE_FEATURES or name in PLACE_FEATURES[:2]
 )  # fmt: skip
 """Features that need no start."""
 
@@ -117,7 +126,7 @@ class Samples:
     Attributes
     ----------
     rows : ndarray of float32, shape (N, F)
-        Features in the order of ``KNOWN``.
+        Features in the order of ``ALL_FEATURES``.
     inside : ndarray of bool, shape (N,)
     prior : ndarray of float32, shape (N,), or None
         Log odds that the prior gives; None where it was not asked.
@@ -139,11 +148,11 @@ def samples(example: Example) -> Samples:
     rng, image = np.random.default_rng(0), normalised_exposure(example.image)
     rows, labels, odds = [], [], []
     for start in starts_in(example, rng):
-        seen = features(image, start, names=KNOWN)
-        scribbled = np.count_nonzero(example.truth != IGNORED) < LEAST_KNOWN * example.truth.size
+        seen = features(image, start, names=ALL_FEATURES)
+        scribbled = np.count_nonzero(example.truth != IGNORED) < MIN_KNOWN * example.truth.size
         known = (known_of_some if scribbled else known_pixels)(example.truth, seen.factor)
         chosen = _chosen(known.ravel(), rng)
-        found = np.ascontiguousarray(seen.planes.reshape(len(KNOWN), -1)[:, chosen].T)
+        found = np.ascontiguousarray(seen.planes.reshape(len(ALL_FEATURES), -1)[:, chosen].T)
         rows += [found, mirrored(found)]
         labels += [known.ravel()[chosen] > 0] * 2
         odds += [reduced_mean(prior(example.image, start), seen.factor).ravel()[chosen]] * 2
@@ -162,7 +171,7 @@ def _chosen(known: NDArray[np.int8], rng: np.random.Generator) -> Indices:
     """Places of known pixels, drawn evenly, but for as many of each side, where there are, as a leaf holds."""
     places = rng.permutation(np.flatnonzero(known >= 0))
     chosen, left = np.split(places, [PIXELS // STARTS])
-    few = [max(0, LEAST_IN_LEAF - np.count_nonzero(known[chosen] == side)) for side in (0, 1)]
+    few = [max(0, MIN_IN_LEAF - np.count_nonzero(known[chosen] == side)) for side in (0, 1)]
     more = [left[known[left] == side][:count] for side, count in enumerate(few)]
     return np.concatenate([chosen, *more])
 
@@ -200,14 +209,14 @@ def known_pixels(truth: Image, factor: int) -> NDArray[np.int8]:
     share = reduced_mean((truth == INSIDE).astype(np.float32), factor)
     unknown = reduced_mean((truth == IGNORED).astype(np.float32), factor)
     known = (share >= 0.5).astype(np.int8)
-    known[(unknown > MIXED) | ((share > MIXED) & (share < 1 - MIXED))] = -1
+    known[(unknown > MIXED_FRACTION) | ((share > MIXED_FRACTION) & (share < 1 - MIXED_FRACTION))] = -1
     return known
 
 
 def known_of_some(truth: Image, factor: int) -> NDArray[np.int8]:
     """The same of scribbles: what is known of a reduced pixel, be it one pixel of many, says all of it."""
     inside, outside = (reduced_mean((truth == level).astype(np.float32), factor) for level in (INSIDE, OUTSIDE))
-    least = (1 - MIXED) * (inside + outside)
+    least = (1 - MIXED_FRACTION) * (inside + outside)
     return np.where(inside + outside <= 0, -1, np.where(inside >= least, 1, np.where(outside >= least, 0, -1))).astype(
         np.int8
     )
@@ -216,14 +225,14 @@ def known_of_some(truth: Image, factor: int) -> NDArray[np.int8]:
 def mirrored(rows: Floats) -> Floats:
     """The same pixels of the image in a mirror: what changes is their place."""
     found = rows.copy()
-    found[:, NAMES.index("x")] = 1 - rows[:, NAMES.index("x")]
-    found[:, NAMES.index("across")] = -rows[:, NAMES.index("across")]
+    found[:, DEFAULT_FEATURES.index("x")] = 1 - rows[:, DEFAULT_FEATURES.index("x")]
+    found[:, DEFAULT_FEATURES.index("across")] = -rows[:, DEFAULT_FEATURES.index("across")]
     return found
 
 
 def grow(
     chosen: Sequence[Samples],
-    names: tuple[str, ...] = TAUGHT,
+    names: tuple[str, ...] = FOREST_FEATURES,
     trees: int = TREES,
     begin: Sequence[Floats] | None = None,
 ) -> Forest:
@@ -232,7 +241,7 @@ def grow(
     Notes
     -----
     With open ground among the names it is the mean of two forests, of which one does not see it: where borders are faint,
-    open ground runs out of the region, which few masks need not show. From one (with ``TRUST``),
+    open ground runs out of the region, which few masks need not show. From one (with ``TRUSTED_LOG_ODDS``),
     three and five masks, mean of five choices, unseen floors come out better by .15, .06 and .01 than without open ground,
     road frames by -.01, .01 and 0; either forest alone varies more with the choice.
 
@@ -241,10 +250,10 @@ def grow(
     UsageError
         If LightGBM is not installed.
     """
-    plain = tuple(name for name in names if name not in OPEN)
+    plain = tuple(name for name in names if name not in OPENING_FEATURES)
     if plain == names:
-        return converted(_boosted(chosen, names, trees, RATE, begin), names)
-    part, rate = round(trees * PART), RATE / PART
+        return converted(_boosted(chosen, names, trees, LEARNING_RATE, begin), names)
+    part, rate = round(trees * TREE_FRACTION), LEARNING_RATE / TREE_FRACTION
     grown = (_boosted(chosen, those, part, rate, begin) for those in (plain, names))
     both = converted([tree for trees in grown for tree in trees], names)
     return replace(both, arrays=both.arrays | {"value": both.arrays["value"] / 2})
@@ -253,26 +262,26 @@ def grow(
 def _boosted(
     chosen: Sequence[Samples], names: tuple[str, ...], trees: int, rate: float, begin: Sequence[Floats] | None = None
 ) -> list[dict[str, Any]]:
-    """LightGBM's trees; `names` begin as ``TAUGHT`` does, or are converted with themselves."""
+    """LightGBM's trees; `names` begin as ``FOREST_FEATURES`` does, or are converted with themselves."""
     require(*LIGHTGBM)
     import lightgbm
 
-    columns = [KNOWN.index(name) for name in names]
+    columns = [ALL_FEATURES.index(name) for name in names]
     rows = np.concatenate([one.rows[:, columns] for one in chosen])
     labels = np.concatenate([one.inside for one in chosen])
     weights = np.concatenate([np.full(len(one.inside), 1 / len(one.inside)) for one in chosen])
     known = None if begin is None else np.concatenate(begin).astype(np.float64)
     data = lightgbm.Dataset(rows, labels.astype(np.float32), weight=weights / weights.mean(), init_score=known)
-    least = max(LEAST_IN_LEAF, len(rows) // len(chosen) // LEAVES_OF_AN_IMAGE)
+    least = max(MIN_IN_LEAF, len(rows) // len(chosen) // LEAVES_OF_AN_IMAGE)
     booster = lightgbm.train({**SETTINGS, "learning_rate": rate, "min_data_in_leaf": least}, data, trees)
     found: list[dict[str, Any]] = booster.dump_model()["tree_info"]
     return found
 
 
-def trusting(forest: Forest, odds: float = TRUST) -> Forest:
+def trusting(forest: Forest, odds: float = TRUSTED_LOG_ODDS) -> Forest:
     """The forest with one tree more, which takes open ground for inside: log odds added there, and taken elsewhere."""
     tree = {"feature": [0], "threshold": [0.5], "left": [-1], "right": [-2], "root": [0], "value": [-odds, odds]}
-    return joined(forest, Forest({name: np.asarray(values) for name, values in tree.items()}, (TRUSTED,)))
+    return joined(forest, Forest({name: np.asarray(values) for name, values in tree.items()}, (TRUSTED_FEATURE,)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -350,15 +359,17 @@ def choose_prior(chosen: Sequence[Samples], *, corrected: bool = False) -> Prior
     own = mean_overlap(odds, inside)
     if len(chosen) < 2:
         return PriorChoice(own >= enough_of(1), own, enough_of(1))
-    odds_of_others, few = _left_out_odds(tuple(chosen), corrected=corrected), [one[::THIN] for one in inside]
-    both = [one + np.float32(PRIOR_WEIGHT) * known[::THIN] for one, known in zip(odds_of_others, odds, strict=True)]
+    odds_of_others, few = _left_out_odds(tuple(chosen), corrected=corrected), [one[::SUBSAMPLING] for one in inside]
+    both = [
+        one + np.float32(PRIOR_WEIGHT) * known[::SUBSAMPLING] for one, known in zip(odds_of_others, odds, strict=True)
+    ]
     taught, helped = mean_overlap(odds_of_others, few), mean_overlap(both, few)
     return PriorChoice(helped > taught, own, taught=taught, both=helped)
 
 
 def learn(chosen: Sequence[Samples], *, searched: bool = True) -> Model:
     """A model of what lies inside, and, unless no start will be `searched` for, of where to start."""
-    return replace(grown(chosen), start=grow(chosen, WITHOUT_START) if searched else None)
+    return replace(grown(chosen), start=grow(chosen, STARTLESS_FEATURES) if searched else None)
 
 
 def grown(chosen: Sequence[Samples], trees: int = TREES) -> Model:
@@ -388,14 +399,16 @@ def grow_inside(chosen: Sequence[Samples], trees: int = TREES) -> tuple[Forest, 
     which it knows little, one lower by .04, and it is left aside.
     One mask corrects it with all trees where it does not serve; over all choices of the mask that gives road frames .01 more
     than nothing but the mask, floors .05, mirrors and things .07. One mask does not show how far open ground can be trusted
-    either; it is (``TRUST``), which gives floors, mirrors and road frames .01 to .02 more, things .01 less.
+    either; it is (``TRUSTED_LOG_ODDS``), which gives floors, mirrors and road frames .01 to .02 more, things .01 less.
     """
     odds = [odds_of(base(), one.rows) for one in chosen]
     base_choice = choose_base(chosen, odds)
     alone = len(chosen) == 1
     known = base_choice.corrected and not (alone and base_choice.base < base_choice.enough)
     found = grow(
-        chosen, trees=round(trees * CORRECTED) if known else trees, begin=odds if base_choice.corrected else None
+        chosen,
+        trees=round(trees * CORRECTION_FRACTION) if known else trees,
+        begin=odds if base_choice.corrected else None,
     )
     if base_choice.corrected:
         found = joined(base(), found)
@@ -403,18 +416,20 @@ def grow_inside(chosen: Sequence[Samples], trees: int = TREES) -> tuple[Forest, 
 
 
 def _left_out_overlap(chosen: Sequence[Samples]) -> float:
-    return mean_overlap(_left_out_odds(tuple(chosen), corrected=False), [one.inside[::THIN] for one in chosen])
+    return mean_overlap(_left_out_odds(tuple(chosen), corrected=False), [one.inside[::SUBSAMPLING] for one in chosen])
 
 
 @lru_cache(maxsize=1)  # of masks that leave the base aside both decisions ask
 def _left_out_odds(chosen: tuple[Samples, ...], *, corrected: bool) -> list[Floats]:
     """Log odds of some pixels of each image, of a small forest grown on the others alone, or correcting the base."""
-    thin = [Samples(one.rows[::THIN], one.inside[::THIN]) for one in chosen]
+    thin = [Samples(one.rows[::SUBSAMPLING], one.inside[::SUBSAMPLING]) for one in chosen]
     begin = [odds_of(base(), one.rows) for one in thin] if corrected else None
     odds = []
     for number, left_out in enumerate(thin):
         others, begun = thin[:number] + thin[number + 1 :], begin and begin[:number] + begin[number + 1 :]
-        forest = converted(_boosted(others, TAUGHT, round(TREES * CORRECTED), RATE, begun), TAUGHT)
+        forest = converted(
+            _boosted(others, FOREST_FEATURES, round(TREES * CORRECTION_FRACTION), LEARNING_RATE, begun), FOREST_FEATURES
+        )
         odds_of_others = odds_of(forest, left_out.rows)
         odds.append(odds_of_others if begin is None else odds_of_others + begin[number])
     return odds

@@ -16,7 +16,7 @@ from ffseg.errors import SegmentationError
 from ffseg.image.edges import EdgeMap
 from ffseg.learning.choice import Trial, Trials
 from ffseg.learning.gather import LabelledImage, known_share
-from ffseg.learning.space import MOST_SETTINGS, SHARED, Setting, levels, settings, with_setting
+from ffseg.learning.space import MAX_SETTINGS, SHARED, Setting, levels, settings, with_setting
 from ffseg.metrics import iou
 from ffseg.parameters import Parameters
 from ffseg.pipeline import segment, with_domain, with_evidence, with_method, with_starts
@@ -28,10 +28,10 @@ BRACKET = 24
 FIRST_IMAGES = 2
 """Images that every setting is tried on."""
 
-LEVELS_SHARE = 0.5
+LEVELS_FRACTION = 0.5
 """Part of the budget after which no other level of probability is tried."""
 
-MOST_CACHED = 256 << 20
+MAX_CACHED = 256 << 20
 """Bytes of edge maps that are kept to be shared."""
 
 Tell = Callable[[str], None]
@@ -109,7 +109,7 @@ class Bench:
             scene = with_starts(with_method(Scene(one.image, params, **one.masks.bounds)))
             made = bounded(with_evidence(with_domain(scene))).edges
             self._bytes += made.gradient.nbytes + made.edges.nbytes
-            while self._bytes > MOST_CACHED and self._maps:
+            while self._bytes > MAX_CACHED and self._maps:
                 old = self._maps.pop(next(iter(self._maps)))
                 self._bytes -= old.gradient.nbytes + old.edges.nbytes
             self._maps[key] = made
@@ -125,7 +125,7 @@ def tune(labelled: Sequence[LabelledImage], budget: float, tell: Tell) -> Tuning
     params = next((one for one in labelled if not one.fixed), labelled[0]).params
     modelled = params.edges.model is not None
     source = iter(()) if modelled else settings()
-    end = begin + (1 if modelled else LEVELS_SHARE) * budget
+    end = begin + (1 if modelled else LEVELS_FRACTION) * budget
     probabilities = levels(params)
     moved = [bench.tried(setting) for setting in probabilities if time.monotonic() < end]
     while time.monotonic() - begin < budget:
@@ -150,7 +150,7 @@ def tune(labelled: Sequence[LabelledImage], budget: float, tell: Tell) -> Tuning
         tried=len(moved) + len(trials),
         seconds=0.0,
         known=known_share(labelled),
-        left=len(probabilities) + (0 if modelled else MOST_SETTINGS) - len(moved) - len(trials),
+        left=len(probabilities) + (0 if modelled else MAX_SETTINGS) - len(moved) - len(trials),
     )
     return replace(found, seconds=time.monotonic() - begin)
 

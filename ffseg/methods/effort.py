@@ -11,29 +11,29 @@ from ffseg.native import _core
 from ffseg.parameters import Parameters
 from ffseg.scene import Progress, Scene, Stats
 
-ENDLESS = 2**31 - 2
+UNLIMITED = 2**31 - 2
 """Iterations no evolution comes to before its budget is spent."""
-LEAST = 10_000
+MIN_BUDGET = 10_000
 """Work in the smallest image: some hundred iterations of the patches of a start."""
 
 
 def iterations(params: Parameters) -> int:
     """Iterations after which an evolution ends anyway; ``auto`` leaves that to its budget."""
     most = params.contour.max_iterations
-    return ENDLESS if most == "auto" else most
+    return UNLIMITED if most == "auto" else most
 
 
 def budget(scene: Scene, to_pixel: int) -> int:
     """Work after which an evolution ends anyway: so much to each pixel of the domain, and what the smallest image needs."""
     domain = scene.edges.domain
     pixels = scene.edges.edges.size if domain is None else int(np.count_nonzero(domain))
-    return LEAST + to_pixel * pixels
+    return MIN_BUDGET + to_pixel * pixels
 
 
 def evolve(advance: Callable[[int], bool], scene: Scene, now: Callable[[], Progress]) -> None:
     """Let an evolution go on until it ends; the scene's callback hears of the start and of where it is on the way."""
     if scene.callback is None:
-        advance(ENDLESS + 1)
+        advance(UNLIMITED + 1)
         return
     scene.callback(Progress(0, scene.starts))
     while advance(scene.every):

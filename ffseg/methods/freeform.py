@@ -11,16 +11,17 @@ from ffseg.geometry.ragged import packed, unpacked
 from ffseg.image.edges import GRADIENT_SCALE
 from ffseg.methods.effort import budget, evolve, iterations, stats_of
 from ffseg.native import _core
-from ffseg.parameters import STILL, Parameters
+from ffseg.parameters import ZERO_BALLOON, Parameters
 from ffseg.scene import BlockedStartError, Outcome, Progress, Scene
 
-RIDGE_SHARE = 0.5
-"""A ridge may be this much weaker than the low Canny threshold: between samples the edge fades and returns."""
+RIDGE_FRACTION = 0.5
+"""The gradient along a ridge may fall to this fraction of the low Canny threshold: between samples an edge fades and
+returns."""
 
 WORK = 4
-"""Patches moved or looked at closely to a pixel of the domain, at most. Measured: 0.4 to a pixel that is filled on photographs
-and random textures; in the narrowest passages, spirals 6.5 and 7 px wide, 0.3 to a pixel of 360 x 360 images and more the longer
-the way, as a front at rest is looked at all along: 2.4 of 1080 x 1080."""
+"""Budget: patches moved or examined per pixel of the domain. Measured: 0.4 per filled pixel on photographs and random
+textures; in the narrowest passages (spirals 6.5 and 7 px wide) 0.3 per pixel of 360 x 360 images, and more the longer
+the passage, since the whole front is examined though most of it rests: 2.4 at 1080 x 1080."""
 
 
 def run(scene: Scene) -> Outcome:
@@ -50,7 +51,7 @@ def run(scene: Scene) -> Outcome:
     """
     edge_map, starts, params, callback = scene.edges, scene.starts, scene.params, scene.callback
     if params.contour.balloon == 0:
-        raise ParameterError(STILL)
+        raise ParameterError(ZERO_BALLOON)
     shrinking = params.contour.balloon < 0
     oriented = tuple(c.reversed() for c in starts) if shrinking else starts
     evolution = _core.Evolution(
@@ -94,7 +95,7 @@ def native_options(params: Parameters, low: float) -> _core.EvolutionOptions:
     options.max_iterations = iterations(params)
     options.clearance = contour.clearance
     options.settle = contour.settle
-    options.ridge_low = RIDGE_SHARE * low * GRADIENT_SCALE
+    options.ridge_low = RIDGE_FRACTION * low * GRADIENT_SCALE
     options.weight, options.window = params.region.weight, params.region.window
     return options
 

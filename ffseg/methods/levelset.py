@@ -10,7 +10,7 @@ from ffseg.geometry.ragged import unpacked
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap
 from ffseg.native import _core
 from ffseg.parameters import Parameters
-from ffseg.scene import LONGEST_MARCH, BlockedStartError, Outcome, Progress, Scene, Stats, check_sides
+from ffseg.scene import MAX_MARCHING_SIDE, BlockedStartError, Outcome, Progress, Scene, Stats, check_sides
 
 LEVELS = 1 << 16
 """Values a stored gradient can have."""
@@ -46,7 +46,7 @@ def run(scene: Scene) -> Outcome:
     edge while the gradient rises, at most ``levelset.settle`` pixels, and the outline crosses between two nodes where
     the gradient's slope along the grid line changes sign.
     """
-    check_sides(scene.image.shape, LONGEST_MARCH, "method levelset")
+    check_sides(scene.image.shape, MAX_MARCHING_SIDE, "method levelset")
     edge_map, starts, params = scene.edges, scene.starts, scene.params
     options = _options(edge_map, params)
     inside = scene.start_region()

@@ -102,13 +102,13 @@ def _sitk_front(edges: EdgeMap, seeds: Mask, threshold: float) -> Mask:
     middle = len(rows) // 2
     march = sitk.FastMarchingImageFilter()
     march.SetTrialPoints([(int(columns[middle]), int(rows[middle]), 0)])
-    march.SetStoppingValue(_NEVER)
+    march.SetStoppingValue(_MAX_ARRIVAL)
     times = sitk.GetArrayFromImage(march.Execute(sitk.GetImageFromArray(_speed(edges, seeds, threshold))))
-    found: Mask = (times < _NEVER) | seeds
+    found: Mask = (times < _MAX_ARRIVAL) | seeds
     return found
 
 
-_NEVER = 1e9
+_MAX_ARRIVAL = 1e9
 """Arrival time no front reaches: 10^5 pixels at the slowest speed a threshold of 100 leaves."""
 
 
@@ -123,14 +123,14 @@ def _sitk_gac(edges: EdgeMap, seeds: Mask, params: SitkGac) -> Mask:
     flow.SetCurvatureScaling(params.curvature)
     flow.SetAdvectionScaling(params.advection)
     flow.SetNumberOfIterations(params.iterations)
-    flow.SetMaximumRMSError(_STEADY)
+    flow.SetMaximumRMSError(_RMS_CHANGE)
     feature = sitk.GetImageFromArray(stopping.astype(np.float32))
     level_set = flow.Execute(sitk.Cast(distance, sitk.sitkFloat32), feature)
     found: Mask = sitk.GetArrayFromImage(level_set) <= 0
     return found
 
 
-_STEADY = 0.001
+_RMS_CHANGE = 0.001
 """Pixels (root mean square) per iteration below which SimpleITK stops."""
 
 

@@ -9,12 +9,12 @@ from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.methods.effort import budget, evolve, iterations
 from ffseg.native import _core
-from ffseg.scene import LONGEST_MARCH, Outcome, Progress, Scene, Stats, check_sides
+from ffseg.scene import MAX_MARCHING_SIDE, Outcome, Progress, Scene, Stats, check_sides
 
 START_SPACING = 0.75
 """Distance of the first points in units of ``snake.spacing``: half-way between a split and what a split leaves."""
 
-FEWEST_POINTS = 8
+MIN_POINTS = 8
 
 WORK = 16
 """Points moved to a pixel of the domain, at most. Measured: 1.8 in labyrinths; on photographs whose edges hold the snake loosely
@@ -51,7 +51,7 @@ def run(scene: Scene) -> Outcome:
     Differs: the paper's external energy is the gradient magnitude itself; its logarithm has the same minima but
     does not depend on the contrast. The one contour does not split: round an island it closes to a slit.
     """
-    check_sides(scene.image.shape, LONGEST_MARCH, "method snake")
+    check_sides(scene.image.shape, MAX_MARCHING_SIDE, "method snake")
     edge_map, starts, params = scene.edges, scene.starts, scene.params
     if len(starts) != 1:
         raise SegmentationError(
@@ -79,7 +79,7 @@ def _points(start: FreeForm, spacing: float) -> Points:
     polygon = start.flatten()
     closed = np.concatenate([polygon, polygon[:1]])
     at = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(closed, axis=0).T))])
-    count = max(FEWEST_POINTS, round(at[-1] / (START_SPACING * spacing)))
+    count = max(MIN_POINTS, round(at[-1] / (START_SPACING * spacing)))
     spaced = np.arange(count) * (at[-1] / count)
     return np.stack([np.interp(spaced, at, closed[:, axis]) for axis in (0, 1)], axis=1)
 

@@ -13,9 +13,9 @@ from contextlib import AbstractContextManager, suppress
 from ffseg.errors import FfsegError, ImageReadError
 from ffseg.io.files import read_bytes, write_bytes_atomic
 from ffseg.io.tables import counted
-from ffseg.picking.project import LEARNED, MODEL, MOST_BYTES, RUN, Project
+from ffseg.picking.project import LEARNED, MAX_BYTES, MODEL, RUN, Project
 
-LEAST_MASKS = 2
+MIN_MASKS = 2
 """A model is learned from so many: the figures of one say nothing."""
 
 
@@ -139,8 +139,8 @@ class Work:
     def learn(self, *, again: bool = False) -> None:
         """Learn from the masks there are; a newer mask ends what is at work, but of two in a row the second is spared."""
         count = self.project.count("accepted")
-        if count < LEAST_MASKS:
-            self.line = f"{LEAST_MASKS - count} more accepted and a model is learned from them"
+        if count < MIN_MASKS:
+            self.line = f"{MIN_MASKS - count} more accepted and a model is learned from them"
             self._learning.stop()
             if self.project.model:
                 self._use(learned=False)
@@ -158,7 +158,7 @@ class Work:
         """Take up what an earlier session has learned from these masks; whether there is any."""
         self._of = self.project.learned_from()
         try:
-            kept = json.loads(read_bytes(self.project.path(LEARNED), MOST_BYTES))
+            kept = json.loads(read_bytes(self.project.path(LEARNED), MAX_BYTES))
             if kept["of"] != self._of:
                 return False
             figures = str(kept["figures"])

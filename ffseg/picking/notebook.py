@@ -17,7 +17,7 @@ from ffseg.image.checked import Pixels, taken_image
 from ffseg.io.files import make_folder, printable, read_bytes, write_bytes_atomic
 from ffseg.io.masks import decode_mask, encode_png
 from ffseg.parameters import ParametersLike, parameter_set
-from ffseg.picking.project import MOST_BYTES, Project
+from ffseg.picking.project import MAX_BYTES, Project
 from ffseg.picking.server import Server
 from ffseg.picking.session import Session
 
@@ -80,7 +80,7 @@ class Picking:
         """Masks of the accepted images, each of shape (H, W), by the name of the image."""
         project = self._project(label)
         names = project.journal.names(lambda track: track.now.status == "accepted")
-        return {name: decode_mask(read_bytes(project.mask_path(name), MOST_BYTES)) for name in names}
+        return {name: decode_mask(read_bytes(project.mask_path(name), MAX_BYTES)) for name in names}
 
     def close(self) -> None:
         """End the server, as the end of the program does; what was picked stays in `out`."""
@@ -151,7 +151,7 @@ def pick(
         make_folder(folder)
         for number, image in enumerate(arrays):
             path, data = os.path.join(folder, f"{number}.png"), encode_png(image, [])
-            if os.path.exists(path) and read_bytes(path, MOST_BYTES) != data:
+            if os.path.exists(path) and read_bytes(path, MAX_BYTES) != data:
                 raise UsageError(
                     f"{printable(path)} is another array, in which was picked; name another folder with out"
                 )

@@ -22,10 +22,10 @@ from ffseg.picking.picks import ImagePicks, paint_strokes
 from ffseg.pipeline import outlines_of
 from ffseg.starts.initial import start_contours
 
-WIDEST, NARROWEST = 400, 200
+MAX_PREVIEW_SIDE, MIN_PREVIEW_SIDE = 400, 200
 """Pixels of the longer side of the copy that is segmented while the hand moves, at most and at least."""
 
-PATIENCE_MS = 30.0
+MAX_PREVIEW_MS = 30.0
 """The copy is halved when it took longer: with drawing and the way there and back 50 ms are left to follow the hand."""
 
 QUALITY = 92
@@ -86,7 +86,7 @@ class OpenImage:
 
     def __init__(self, image: Image, masks: Masks = NO_MASKS) -> None:
         self.image, self._masks = image, masks
-        self._widest = WIDEST
+        self._widest = MAX_PREVIEW_SIDE
         self._copies: dict[int, Image] = {}
         self._picture = b""
         self._last: tuple[ImagePicks, Parameters, PickedRegion] | None = None
@@ -136,8 +136,8 @@ class OpenImage:
             mask = paint_strokes(found.mask, picked.strokes, factor)
             found = replace(found, mask=mask, contours=outlines_of(mask), factor=factor, base=found.mask)
         ms = (perf_counter() - begin) * 1e3
-        if quick and ms > PATIENCE_MS:
-            self._widest = max(NARROWEST, self._widest // 2)
+        if quick and ms > MAX_PREVIEW_MS:
+            self._widest = max(MIN_PREVIEW_SIDE, self._widest // 2)
         return replace(found, ms=ms)
 
     def forget(self) -> None:

@@ -20,9 +20,9 @@ from ffseg.io.starts import LIMITS, MAX_PIXELS, Start
 from ffseg.parameters import Box, Circle, Point
 
 STATUSES = ("open", "accepted", "skipped")
-MOST = 1000
+MAX_STARTS = 1000
 """Starts of an image that the parameters take; strokes and boxes are no more."""
-MOST_POINTS = 20_000
+MAX_POINTS = 20_000
 """Of one stroke: ten minutes of a pen's."""
 _DIGEST = re.compile(r"[0-9a-f]{32}|")
 
@@ -112,8 +112,8 @@ class ImagePicks:
                 raise TypeError("it is no object")
             values: Mapping[str, Any] = document
             starts, nots, boxes, strokes = (values.get(kind) or () for kind in ("starts", "nots", "boxes", "strokes"))
-            if max(map(len, (starts, nots, boxes, strokes))) > MOST:
-                raise ValueError(f"more than {MOST} of one kind")
+            if max(map(len, (starts, nots, boxes, strokes))) > MAX_STARTS:
+                raise ValueError(f"more than {MAX_STARTS} of one kind")
             picked = cls(
                 _rows(starts, 3),
                 _rows(nots, 3),
@@ -154,7 +154,7 @@ def _stroke(one: Mapping[str, Any]) -> Stroke:
 
 def _rows_of_two(value: Any) -> tuple[Point, ...]:  # noqa: ANN401 - checked here
     points = tuple((_number(x), _number(y)) for x, y in value)
-    if not 0 < len(points) <= MOST_POINTS:
+    if not 0 < len(points) <= MAX_POINTS:
         raise ValueError(f"a stroke of {len(points)} points")
     return points
 

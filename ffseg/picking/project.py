@@ -40,7 +40,7 @@ from ffseg.picking.picks import History, ImagePicks, Journal
 JOURNAL, STARTS, SETTINGS, MODEL, COMMAND = "picks.jsonl", "starts.csv", "pick.yaml", "model.ffmodel", "run.sh"
 LEARNED, KEPT = "learned.json", "kept.json"
 MASKS, LABELS, IMPORTED, REGIONS, RUN = "masks", "labels", "imported", "regions", "run"
-MOST_BYTES = 1 << 28
+MAX_BYTES = 1 << 28
 
 
 class Project:
@@ -140,13 +140,13 @@ class Project:
             self._run = OutputFolder(Path(self.review), "run", [], {})
         path = self._run.output(MASKS, printable(name)) if self.review else ""
         with contextlib.suppress(ImageReadError):
-            return decode_mask(self._run.content(path, MOST_BYTES)) if path else None
+            return decode_mask(self._run.content(path, MAX_BYTES)) if path else None
         return None
 
     def mask(self, name: str, folder: str = MASKS) -> Mask | None:
         """The mask of an image in one of the own folders; None where there is none."""
         with contextlib.suppress(ImageReadError):
-            return decode_mask(read_bytes(self.mask_path(name, self.path(folder)), MOST_BYTES))
+            return decode_mask(read_bytes(self.mask_path(name, self.path(folder)), MAX_BYTES))
         return None
 
     def take(self, source: InputImage, mask: bytes) -> None:
@@ -241,7 +241,7 @@ class Project:
         if not accepted or name != self.journal.last or not os.path.isfile(path):
             return os.path.isfile(path) == accepted
         try:
-            return bool(json.loads(read_bytes(self.path(KEPT), MOST_BYTES)) == [name, self.journal.track(name).version])
+            return bool(json.loads(read_bytes(self.path(KEPT), MAX_BYTES)) == [name, self.journal.track(name).version])
         except (ImageReadError, ValueError):  # of a version that wrote none
             return True
 

@@ -19,7 +19,7 @@ from ffseg.errors import FfsegError
 from ffseg.picking.session import Session, StaleError
 
 HOST = "127.0.0.1"
-MOST_BYTES = 1 << 22
+MAX_BYTES = 1 << 22
 """Of what a page sends: a thousand long strokes."""
 _FILES = {"": "page.html"} | {name: name for name in ("page.css", "page.js", "view.js", "icon.svg")}
 _TYPES = {"html": "text/html", "css": "text/css", "js": "text/javascript", "svg": "image/svg+xml"}
@@ -173,7 +173,7 @@ class Handler(BaseHTTPRequestHandler):
 
     def _post(self, path: str) -> None:
         length = int(self.headers.get("Content-Length", "0"))
-        if not 0 <= length <= MOST_BYTES or self.headers.get("Content-Type") != "application/json":
+        if not 0 <= length <= MAX_BYTES or self.headers.get("Content-Type") != "application/json":
             self.close_connection = True
             self._json(400, {"error": "too much, or no JSON"})
             return

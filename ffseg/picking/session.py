@@ -38,7 +38,7 @@ from ffseg.pipeline import outlines_of
 from ffseg.plugins import check_source
 from ffseg.schema.kinds import names_code
 
-MOST_OPEN = 3
+MAX_OPEN = 3
 """Images that are held decoded: the one that is picked in, the one before and the one after."""
 
 CLASSES = "classes.txt"
@@ -198,7 +198,7 @@ class Session:
                 self._marks[index] = mark
                 masks = self._masks.within(self._domains.get(source.name, ""))
                 self._opened[index] = OpenImage(read_source(source, levels=self._levels), masks)
-                while len(self._opened) > MOST_OPEN:
+                while len(self._opened) > MAX_OPEN:
                     self._opened.popitem(last=False)
             self._opened.move_to_end(index)
             return self._opened[index]

@@ -12,9 +12,9 @@ from ffseg.camera.projections import Affine, UnifiedSphere
 from ffseg.rendering.raycast import Rendering, render
 from ffseg.rendering.scene import World, random_scene
 
-SHORTEST, LONGEST = 0.15, 0.4
+MIN_BASELINE, MAX_BASELINE = 0.15, 0.4
 """Metres between the two views."""
-WIDEST_TURN = np.deg2rad(20.0)
+MAX_TURN = np.deg2rad(20.0)
 
 PlanarPose = tuple[float, float, float]
 
@@ -74,9 +74,9 @@ def sample_camera() -> Camera:
     return mirror_camera(*_SAMPLE)
 
 
-def random_poses(random: np.random.Generator, widest: float = WIDEST_TURN) -> tuple[PlanarPose, PlanarPose]:
+def random_poses(random: np.random.Generator, widest: float = MAX_TURN) -> tuple[PlanarPose, PlanarPose]:
     """Poses of a pair: the current one turned anyhow at the origin, the previous one 0.15 to 0.4 m away."""
-    baseline, bearing = random.uniform(SHORTEST, LONGEST), random.uniform(0, 2 * np.pi)
+    baseline, bearing = random.uniform(MIN_BASELINE, MAX_BASELINE), random.uniform(0, 2 * np.pi)
     theta = random.uniform(-np.pi, np.pi)
     previous = (
         float(baseline * np.cos(bearing)),

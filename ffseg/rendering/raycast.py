@@ -20,7 +20,7 @@ SUBSAMPLES = 4
 ROBOT_GREY, OUTSIDE_GREY = 28.0, 4.0
 RADIANS_PER_PIXEL = 1.0 / 160.0
 """Typical of a mirror that spreads half the sphere over 300 pixels; only the fading of texture uses it."""
-FARTHEST = 50.0
+MAX_RANGE = 50.0
 """Metres; stands for rays that meet no wall."""
 
 GROUND_OCTAVES = ((0.02, 3.0), (0.04, 3.5), (0.08, 3.5), (0.16, 3.0), (0.5, 5.0), (1.6, 9.0))
@@ -152,7 +152,7 @@ class _Caster:
             for index, box in enumerate(self._scene.boxes):
                 reach = self._box_hits(eye, ways, reach, (index, box), hits)
             low = label == GROUND  # which nothing hides
-            label[low], hits.grey[low] = self._ground_hits(eye, ways[low], np.minimum(ground[low], FARTHEST))
+            label[low], hits.grey[low] = self._ground_hits(eye, ways[low], np.minimum(ground[low], MAX_RANGE))
             hits.part[low] = label[low]
         return hits
 

@@ -13,7 +13,7 @@ MarkKind = Literal["mixed", "discs", "touching"]
 
 GAP = 0.16
 """Metres of ground left between things: about a dozen pixels at the distances used, so that a contour passes."""
-FARTHEST_THING = 1.9
+MAX_THING_DISTANCE = 1.9
 """Metres from the camera: beyond it 0.15 m are fewer than seven pixels of the mirror."""
 ATTEMPTS = 400
 
@@ -102,7 +102,7 @@ class Floor:
     streak: tuple[float, float, float, float, float] | None = None
 
 
-PLAIN = Floor()
+PLAIN_FLOOR = Floor()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,7 +114,7 @@ class World:
     room: Room
     ground_grey: float
     seed: int
-    floor: Floor = PLAIN
+    floor: Floor = PLAIN_FLOOR
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -181,7 +181,7 @@ def _place(spot: _Spot, taken: list[_Spot]) -> bool:
 
 
 def _random_spot(random: np.random.Generator, nearest: float) -> Array:
-    distance, bearing = random.uniform(nearest, FARTHEST_THING), random.uniform(0, 2 * np.pi)
+    distance, bearing = random.uniform(nearest, MAX_THING_DISTANCE), random.uniform(0, 2 * np.pi)
     return np.array([distance * np.cos(bearing), distance * np.sin(bearing)])
 
 

@@ -18,7 +18,7 @@ from ffseg.arrays import Image
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 END_OF_BLOCK = 256
-LONGEST_CODE = 15
+MAX_CODE_LENGTH = 15
 CODE_LENGTH_ORDER = (16, 17, 18, 0, 8, 7, 9, 6, 10, 5, 11, 4, 12, 3, 13, 2, 14, 1, 15)
 FILTER_UP = 2
 CHUNK = 1 << 16
@@ -80,7 +80,7 @@ def _code_lengths(counts: NDArray[np.int64]) -> NDArray[np.int64]:
         lengths = np.zeros(counts.size, np.int64)
         for symbol, depth in _depths(counts):
             lengths[symbol] = depth
-        if lengths.max() <= LONGEST_CODE:
+        if lengths.max() <= MAX_CODE_LENGTH:
             return lengths
         counts = np.where(counts > 0, counts // 2 + 1, 0)
 

@@ -14,7 +14,7 @@ from ffseg.schema.nodes import Node, Problems, shown
 JsonSchema = dict[str, object]
 BAD = object()
 """What `check` returns for a value it has reported as a problem."""
-LARGEST = 1e300
+MAX_NUMBER = 1e300
 """Larger numbers, infinity among them, overflow as soon as something is computed with them."""
 _TRUE_WORDS = {"yes": "true", "on": "true", "y": "true", "no": "false", "off": "false", "n": "false"}
 
@@ -85,7 +85,7 @@ class Number:
         if isinstance(value, bool) or not isinstance(value, int | float):
             return _reject(self, node, key, problems)
         fits = (self.low < value if self.above else self.low <= value) and value <= self.high
-        if not fits or abs(value) > LARGEST:
+        if not fits or abs(value) > MAX_NUMBER:
             return _reject(self, node, key, problems)
         return float(value)
 
@@ -165,11 +165,11 @@ def nearest_word(word: str, choices: tuple[str, ...]) -> str:
     """Ask ``; did you mean '...'?`` where one of the choices is near."""
     import difflib  # 5 ms that only a wrong word should cost
 
-    near = difflib.get_close_matches(word[:_LONGEST_WORD], choices, n=1, cutoff=0.6)
+    near = difflib.get_close_matches(word[:_MAX_WORD], choices, n=1, cutoff=0.6)
     return f"; did you mean '{near[0]}'?" if near else ""
 
 
-_LONGEST_WORD = 100
+_MAX_WORD = 100
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from ffseg.errors import FfsegError
 
-MOST_PROBLEMS_SHOWN = 20
+MAX_PROBLEMS_SHOWN = 20
 """More lines than this scroll the first, most useful one off a terminal."""
-LONGEST_VALUE_SHOWN = 48
+MAX_VALUE_SHOWN = 48
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,24 +81,24 @@ def shown(value: object) -> str:
     if value is None or isinstance(value, bool):
         text = {None: "null", True: "true", False: "false"}[value]
     elif isinstance(value, str):
-        text = repr(value[: LONGEST_VALUE_SHOWN + 1])
+        text = repr(value[: MAX_VALUE_SHOWN + 1])
     elif isinstance(value, Node):
         return shown(value.value)
     elif isinstance(value, dict):
         return "a mapping"
     elif isinstance(value, tuple | list):
-        text = "[" + ", ".join(shown(item) for item in value[:LONGEST_VALUE_SHOWN]) + "]"
-    elif isinstance(value, int) and abs(value) >= 10**LONGEST_VALUE_SHOWN:
+        text = "[" + ", ".join(shown(item) for item in value[:MAX_VALUE_SHOWN]) + "]"
+    elif isinstance(value, int) and abs(value) >= 10**MAX_VALUE_SHOWN:
         return "a huge integer"
     else:
         text = repr(value)
-    return text if len(text) <= LONGEST_VALUE_SHOWN else text[:LONGEST_VALUE_SHOWN] + "…"
+    return text if len(text) <= MAX_VALUE_SHOWN else text[:MAX_VALUE_SHOWN] + "…"
 
 
 def shown_key(key: str) -> str:
     """Write a key as it stands, shortened and without control characters."""
     text = key if key.isprintable() else repr(key)[1:-1]
-    return text if len(text) <= 2 * LONGEST_VALUE_SHOWN else text[: 2 * LONGEST_VALUE_SHOWN] + "…"
+    return text if len(text) <= 2 * MAX_VALUE_SHOWN else text[: 2 * MAX_VALUE_SHOWN] + "…"
 
 
 class Problems:
@@ -116,7 +116,7 @@ class Problems:
         if not self.lines:
             return
         lines = list(dict.fromkeys(self.lines))
-        kept = lines[:MOST_PROBLEMS_SHOWN]
+        kept = lines[:MAX_PROBLEMS_SHOWN]
         if len(lines) > len(kept):
             kept.append(f"... and {len(lines) - len(kept)} more problems")
         raise error("\n".join(kept))

@@ -9,14 +9,14 @@ from typing import Any, TypeVar, cast
 
 from ffseg.errors import ParameterError
 from ffseg.schema.kinds import BAD, Kind
-from ffseg.schema.nodes import MOST_PROBLEMS_SHOWN, Node, Origin, Problems, shown, shown_key, wrap
+from ffseg.schema.nodes import MAX_PROBLEMS_SHOWN, Node, Origin, Problems, shown, shown_key, wrap
 
 T = TypeVar("T")
 S = TypeVar("S", bound="Section")
 PYTHON = Origin("parameters")
-ENOUGH_PROBLEMS = 200
+MAX_PROBLEMS = 200
 """A file with more is not a parameter file; looking on would only take time."""
-LONGEST_KEY = 64
+MAX_KEY_LENGTH = 64
 """Longer words are no slip of the pen, and comparing them takes quadratic time."""
 SEE_ALL = "; 'ffseg config show' lists every key"
 
@@ -121,14 +121,14 @@ def collect(section: type[Section], root: Node, problems: Problems, see_all: str
         if key in places:
             problems.add(node.key_where, f"{shown_key(key)}: the key is given twice (first at {places[key]}); keep one")
         places[key] = node.key_where
-        if len(problems.lines) > ENOUGH_PROBLEMS:
+        if len(problems.lines) > MAX_PROBLEMS:
             break
         if key in known:
             value = known[key].kind.check(node, key, problems)
             if value is not BAD:
                 values[key] = value
         elif key not in groups:
-            is_shown = len(problems.lines) < MOST_PROBLEMS_SHOWN  # looking for the nearest takes a millisecond
+            is_shown = len(problems.lines) < MAX_PROBLEMS_SHOWN  # looking for the nearest takes a millisecond
             near = nearest(key, [*known, *groups]) if is_shown else ""
             problems.add(node.key_where, f"{shown_key(key)}: unknown key{near or see_all}")
         elif node.value is not None:
@@ -169,7 +169,7 @@ def _flatten(node: Node, prefix: str, groups: set[str]) -> Iterator[tuple[str, N
 
 def nearest(key: str, known: list[str]) -> str:
     """Ask ``; did you mean '...'?`` where a known key is near; a dotted key also by its last part."""
-    if len(key) > LONGEST_KEY:
+    if len(key) > MAX_KEY_LENGTH:
         return ""
     import difflib  # 5 ms that only a wrong key should cost
 

@@ -13,8 +13,8 @@ from ffseg.scene import Scene
 from ffseg.starts.initial import circle_start
 from ffseg.starts.pockets import depths, discs
 
-LEAST_PART = 0.1
-"""Smaller parts of what evidence tells in a box, measured in its largest, are not worth a start."""
+MIN_PART_FRACTION = 0.1
+"""Components of the region in a box that are smaller than this fraction of the largest get no start."""
 
 
 def in_boxes(scene: Scene, odds: Plane | None) -> Scene:
@@ -39,7 +39,7 @@ def in_boxes(scene: Scene, odds: Plane | None) -> Scene:
         rows, columns = window = window_of(box, scene.shape)
         region = inside[window].astype(np.uint8)
         components = connected_parts(region)
-        large = np.flatnonzero(components.areas >= max(LEAST_PART * components.areas.max(), 1))
+        large = np.flatnonzero(components.areas >= max(MIN_PART_FRACTION * components.areas.max(), 1))
         found = discs(depths(region), components, large, np.inf)
         circles += [(x + columns.start, y + rows.start, radius) for x, y, radius in (found[:1] if alone else found)]
     return replace(scene, starts=(*named, *(circle_start(one, params) for one in circles))) if circles else scene

@@ -12,10 +12,11 @@ from ffseg.geometry.freeform import FreeForm
 from ffseg.image.checked import require_size
 from ffseg.image.outlines import outlines
 from ffseg.image.raster import window_of
-from ffseg.parameters import LEAST_START, Box, Circle, Parameters
+from ffseg.parameters import MIN_START_RADIUS, Box, Circle, Parameters
 
-MIDDLE_SHARE = 0.25
-"""Radius of the circle in the middle of a box in parts of its shorter side, where no evidence tells a better place."""
+MIDDLE_RADIUS_FRACTION = 0.25
+"""Radius of the start circle in the middle of a box, as a fraction of the box's shorter side. Used where the evidence
+offers no better place."""
 
 
 def start_contours(
@@ -95,7 +96,7 @@ def _middle(box: Box, shape: tuple[int, int]) -> Circle:
     rows, columns = window_of(box, shape)
     least = min(part.stop - part.start for part in (rows, columns))
     y, x = ((part.start + part.stop - 1) / 2 for part in (rows, columns))
-    return x, y, max(LEAST_START, MIDDLE_SHARE * least)
+    return x, y, max(MIN_START_RADIUS, MIDDLE_RADIUS_FRACTION * least)
 
 
 def circle_start(circle: tuple[float, float, float], params: Parameters) -> FreeForm:

@@ -8,17 +8,17 @@ from ffseg.arrays import Mask, Plane
 from ffseg.image.parts import connected_parts
 from ffseg.starts.pockets import Circle, depths, discs
 
-SURE = 0.4
-"""A part belongs to the region whose median log odds are at least so many times those round the start."""
+SURE_RATIO = 0.4
+"""A component gets a start if its median log odds are at least this fraction of those round the given start."""
 
-LEAST_ODDS = 1.0
-"""Median log odds below which no part is taken."""
+MIN_LOG_ODDS = 1.0
+"""Smallest median log odds of a component that gets a start."""
 
-LEAST_SHARE = 0.1
-"""Smaller parts, measured in the region round the start, are not worth a start."""
+MIN_AREA_FRACTION = 0.1
+"""Components smaller than this fraction of the region round the given start get none."""
 
 STRIDE = 2
-"""Every second pixel each way is looked at."""
+"""Every second pixel in each direction is looked at."""
 
 
 def islands(odds: Plane, starts: Mask, most: float) -> tuple[Circle, ...]:
@@ -40,14 +40,14 @@ def islands(odds: Plane, starts: Mask, most: float) -> tuple[Circle, ...]:
     levels, start = np.ascontiguousarray(odds[::STRIDE, ::STRIDE]), starts[::STRIDE, ::STRIDE]
     components = connected_parts(levels > 0)
     started = components.touching(start)
-    least_area = max(LEAST_SHARE * float(components.areas[started].sum()), 1)
+    least_area = max(MIN_AREA_FRACTION * float(components.areas[started].sum()), 1)
     large = np.setdiff1d(np.flatnonzero(components.areas >= least_area), started)
     if not len(large):
         return ()
     around = components.pixels_of(started) & ~start
     if not around.any():
         return ()
-    least = max(LEAST_ODDS, SURE * float(np.median(levels[around])))
+    least = max(MIN_LOG_ODDS, SURE_RATIO * float(np.median(levels[around])))
     sure = large[[float(np.median(levels[components.labels == part])) >= least for part in large]]
     if not len(sure):
         return ()

@@ -12,17 +12,18 @@ from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.free import clear_distances, free_part_under, free_pixels
 from ffseg.image.raster import rasterize
-from ffseg.parameters import LEAST_START
+from ffseg.parameters import MIN_START_RADIUS
 from ffseg.scene import Scene
 from ffseg.starts.initial import circle_start
 
-SPARE = 1.0
-"""Pixels between the start and what is not free, so that rounding puts no sample on it."""
+SPARE_MARGIN = 1.0
+"""Pixels between a moved start and the nearest edge or border, so that rounding puts no sample on it."""
 
 OUTSIDE = "outside the domain"
 
 SIZE_WEIGHT = 1.05
-"""Pixels a start moves to keep a pixel of its radius: a little over one, so that it leaves a straight edge whole."""
+"""Pixels that a start may move to keep one more pixel of its radius. Slightly above one, so that it moves off a straight
+edge without shrinking."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,8 +72,8 @@ def moved_starts(scene: Scene, remedy: str) -> tuple[Scene, str]:
             stays = f"cannot move from round the robot's disc, of radius {scene.robot * scene.factor:g}"
             raise SegmentationError(f"the start contour lies {cause} at every sample and {stays}; {remedy}")
         free &= ~rasterize([circle_start((*scene.center, scene.robot), scene.params)], free.shape)
-    room = clear_distances(free) - SPARE
-    if float(room.max(initial=0.0)) < LEAST_START:
+    room = clear_distances(free) - SPARE_MARGIN
+    if float(room.max(initial=0.0)) < MIN_START_RADIUS:
         raise SegmentationError(f"the start contour lies {cause} at every sample, and there is no free place; {remedy}")
     open_ground = free_pixels(scene.edges.edges, scene.domain)
     pairs = [
@@ -100,12 +101,12 @@ def nearest_free_circle(start: FreeForm, room: Plane, own: Mask | None) -> tuple
     y, x = np.ogrid[: room.shape[0], : room.shape[1]]
     kept = np.minimum(room, old.radius)
     cost = np.hypot(x - old.x, y - old.y) + SIZE_WEIGHT * (old.radius - kept)
-    possible = room >= LEAST_START
+    possible = room >= MIN_START_RADIUS
     if own is not None and (possible & own).any():
         possible &= own
     cost[~possible] = np.inf
     row, column = np.unravel_index(int(np.argmin(cost)), cost.shape)
-    return old, Circle(float(column), float(row), float(max(LEAST_START, kept[row, column])))
+    return old, Circle(float(column), float(row), float(max(MIN_START_RADIUS, kept[row, column])))
 
 
 def as_circle(start: FreeForm) -> Circle:

@@ -19,12 +19,12 @@ def starts_in_parts(scene: Scene) -> Scene:
     stays, params = scene.edges.kept, scene.params
     if stays is None or _one_contour(scene):
         return scene
-    from ffseg.starts.pockets import LEAST_PIXELS, depths, discs
+    from ffseg.starts.pockets import MIN_PIXELS, depths, discs
 
     if scene.domain is not None:
         stays = stays & (scene.domain > 0)
     components = connected_parts(stays)
-    large = np.setdiff1d(np.flatnonzero(components.areas >= LEAST_PIXELS), components.touching(scene.start_region()))
+    large = np.setdiff1d(np.flatnonzero(components.areas >= MIN_PIXELS), components.touching(scene.start_region()))
     found = discs(depths(stays.view(np.uint8)), components, large, params.init.radius_in(scene.shape))
     return replace(scene, starts=(*scene.starts, *(circle_start(circle, params) for circle in found)))
 

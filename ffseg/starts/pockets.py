@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 from ffseg.arrays import Image, Mask, Plane
 from ffseg.image.parts import Parts, connected_parts, parts_holding
 
-NARROW = 4.0
-"""px; through places nearer to walls than this a contour may not come."""
+NARROW_WIDTH = 4.0
+"""Pixels: a contour may fail to pass places nearer to walls than this."""
 
-LEAST_PIXELS = 30
-"""A part of fewer pixels is not worth a start."""
+MIN_PIXELS = 30
+"""Pixels: smaller components get no start."""
 
-START_SHARE = 0.6
-"""Part of the largest disc in a part that becomes its start."""
+START_RADIUS_FRACTION = 0.6
+"""Radius of the start in a component, as a fraction of its largest inscribed disc."""
 
 Circle = tuple[float, float, float]
 
@@ -43,12 +43,12 @@ def starts_beyond(free: Mask, starts: Mask, most: float) -> tuple[Circle, ...]:
     if not width:
         return ()
     depth = depths(region[window])
-    deep = depth >= NARROW
+    deep = depth >= NARROW_WIDTH
     beyond = deep & ~parts_holding(deep, starts[window], corners=True)
-    if np.count_nonzero(beyond) < LEAST_PIXELS:
+    if np.count_nonzero(beyond) < MIN_PIXELS:
         return ()
     components = connected_parts(beyond, corners=True)
-    found = discs(depth, components, np.flatnonzero(components.areas >= LEAST_PIXELS), most)
+    found = discs(depth, components, np.flatnonzero(components.areas >= MIN_PIXELS), most)
     return tuple((left + x, top + y, radius) for x, y, radius in found)
 
 
@@ -78,6 +78,6 @@ def discs(depth: Plane, components: Parts, chosen: NDArray[np.integer], most: fl
     there = np.flatnonzero(deep == deepest[part])
     first = there[np.unique(part[there], return_index=True)[1]]
     rows, columns = np.divmod(inside[first], depth.shape[1])
-    radii = np.minimum(most, START_SHARE * deep[first].astype(np.float64))
+    radii = np.minimum(most, START_RADIUS_FRACTION * deep[first].astype(np.float64))
     found = zip(columns.astype(float).tolist(), rows.astype(float).tolist(), radii.tolist(), strict=True)
     return tuple(sorted(found, key=lambda one: -one[2]))

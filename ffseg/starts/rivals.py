@@ -13,13 +13,14 @@ from ffseg.image.edges import EdgeMap
 from ffseg.native import _core
 from ffseg.parameters import Parameters, Seed
 
-IN_START = "a background seed lies in the start region; move init.background or the start"
+SEED_IN_START = "a background seed lies in the start region; move init.background or the start"
 
 POINT_RADIUS = 2.0
-"""Pixels: a point stands for a disc of this radius, as its own pixel may be noise, and so does a smaller circle."""
+"""Pixels: radius of the disc that stands for a point or a smaller circle, as a single pixel may be noise."""
 
-SLOPE = 4.0
-"""Grey levels per pixel that halve a front's speed. On photographs of things 3 to 12 do alike, thresholds from noise worse."""
+HALF_SPEED_SLOPE = 4.0
+"""Grey levels per pixel: gradient at which the speed of a front is halved. On photographs of objects 3 to 12 do equally
+well, thresholds from noise worse."""
 
 
 def within_rivals(edges: EdgeMap, start: Mask, params: Parameters, background: Image | None = None) -> EdgeMap:
@@ -41,7 +42,7 @@ def within_rivals(edges: EdgeMap, start: Mask, params: Parameters, background: I
 
     Notes
     -----
-    Both sides grow by fast marching with the speed ``1 / (1 + (|grad| / s)**p)``, s = `SLOPE`, through
+    Both sides grow by fast marching with the speed ``1 / (1 + (|grad| / s)**p)``, s = `HALF_SPEED_SLOPE`, through
     everything the domain leaves: edges slow them and do not stop them, so that they meet on the edges between them and,
     in a gap, half-way. A pixel both reach at once belongs to the start.
     """
@@ -51,7 +52,7 @@ def within_rivals(edges: EdgeMap, start: Mask, params: Parameters, background: I
         rivals &= ~start
     if not rivals.any():
         return edges
-    speed = 1.0 / (1.0 + (edges.magnitude() / SLOPE) ** params.edges.exponent)
+    speed = 1.0 / (1.0 + (edges.magnitude() / HALF_SPEED_SLOPE) ** params.edges.exponent)
     ours, theirs = (_arrivals(speed, seed, edges.domain) for seed in (start, rivals))
     return replace(edges, domain=np.where(np.isfinite(ours) & (ours <= theirs), np.uint8(255), np.uint8(0)))
 
@@ -68,11 +69,11 @@ def seeds(points: Iterable[Seed], start: Mask, background: Image | None = None) 
     found = np.zeros(shape, np.bool_)
     for column, row, *rest in points:
         if start[min(round(row), shape[0] - 1), min(round(column), shape[1] - 1)]:
-            raise SegmentationError(IN_START)
+            raise SegmentationError(SEED_IN_START)
         add_disc(found, column, row, max([POINT_RADIUS, *rest]))
     if background is not None:
         if (start & (background > 0)).any():
-            raise SegmentationError(IN_START)
+            raise SegmentationError(SEED_IN_START)
         found |= background > 0
     found &= ~start
     return found

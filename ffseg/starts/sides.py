@@ -15,14 +15,15 @@ from ffseg.image.free import clear_distances, free_pixels, open_sides
 from ffseg.image.raster import rasterize
 from ffseg.scene import Scene
 from ffseg.starts.initial import circle_start
-from ffseg.starts.moved import SIZE_WEIGHT, SPARE, Circle, as_circle, nearest_free_circle
+from ffseg.starts.moved import SIZE_WEIGHT, SPARE_MARGIN, Circle, as_circle, nearest_free_circle
 
-LEAST_KEPT = 0.5
-"""A start over a boundary keeps this part of its radius, and its centre moves by no more than its radius, round what lies
-outside the domain by `FARTHEST` of them. Where it could not, edges run all over it: it stays, and that is said."""
+MIN_KEPT_RADIUS = 0.5
+"""A start that lies across a boundary is moved to one side. It keeps at least this fraction of its radius, and its
+centre moves by at most one radius (round what lies outside the domain: `SEARCH_RADII` radii). If no such place
+exists, edges cover all of it: it stays where it is, with a message."""
 
-FARTHEST = 1 + SIZE_WEIGHT
-"""Radii from its centre beyond which no place for a start is as cheap as the worst that would be taken."""
+SEARCH_RADII = 1 + SIZE_WEIGHT
+"""Search distance from the centre of the start, in radii: farther places cost more than the worst that would be accepted."""
 
 
 def on_one_side(scene: Scene) -> tuple[Scene, tuple[str, ...], bool]:
@@ -59,10 +60,10 @@ def on_one_side(scene: Scene) -> tuple[Scene, tuple[str, ...], bool]:
     messages, across = [], False
     free = free_pixels(scene.edges.edges, scene.domain, scene.params.contour.clearance)
     for at in crossed:
-        what, most = ("the domain's limit", FARTHEST) if at in beyond else ("an edge", 1)
+        what, most = ("the domain's limit", SEARCH_RADII) if at in beyond else ("an edge", 1)
         old, new = _moved(scene.starts[at], free, sides, widest=scene.disc is not None)
         before, after = (one.enlarged(scene.factor) for one in (old, new))
-        if new.radius >= LEAST_KEPT * old.radius and hypot(new.x - old.x, new.y - old.y) <= most * old.radius:
+        if new.radius >= MIN_KEPT_RADIUS * old.radius and hypot(new.x - old.x, new.y - old.y) <= most * old.radius:
             starts[at] = circle_start((new.x, new.y, new.radius), scene.params)
             messages.append(f"the start at {before} lay across {what} and was moved to {after}")
         elif at in apart and others:
@@ -90,12 +91,12 @@ def _moved(start: FreeForm, free: Mask, sides: NDArray[np.int32], *, widest: boo
 
     Notes
     -----
-    Places farther off than ``FARTHEST`` radii cost more than any that would be taken, and what is free a radius beyond
+    Places farther off than ``SEARCH_RADII`` radii cost more than any that would be taken, and what is free a radius beyond
     them does not matter: only that much of the image is looked at.
     """
     old = as_circle(start)
-    window, (left, top) = _window(old, (FARTHEST + 1) * old.radius + SPARE + 2)
-    room = clear_distances(free[window]) - SPARE
+    window, (left, top) = _window(old, (SEARCH_RADII + 1) * old.radius + SPARE_MARGIN + 2)
+    room = clear_distances(free[window]) - SPARE_MARGIN
     near = FreeForm(start.control_points - (left, top), start.degree)
     under = sides[window][rasterize([near], room.shape)]
     counts = np.bincount(under)[1:]

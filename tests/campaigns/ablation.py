@@ -48,7 +48,7 @@ CORE: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("repairs come back where a patch gets on", "patch.budget = kSplitBudget;", ""),
         ("uneven samples are laid out anew", "chords.longest <= kUneven * chords.shortest", "true"),
         ("curves that swing get a lower degree", "polygon > kOscillation * size", "false"),
-        ("... and are split or held", "if (patch.near_edges && patch.reductions < kMostReductions) ++patch.reductions;", ""),
+        ("... and are split or held", "if (patch.near_edges && patch.reductions < kMaxReductions) ++patch.reductions;", ""),
         ("short patches are pruned while it grows", "size < shortest && prune(contour, i)", "false"),
         ("folds are straightened", "dot(after, before) < 0", "false"),
     ),
@@ -70,7 +70,7 @@ CORE: dict[str, tuple[tuple[str, str, str], ...]] = {
     "resting/slide.hpp": (("... by pixels", "turns_back && move_to_pixel(contour, at, points[k + 1], hindered)", "false"),),
     "settling/settle.hpp": (
         ("settled samples every 3 px (but 12)", "std::min(spacing, kSettledSpacing)", "std::min(spacing, 4 * kSettledSpacing)"),
-        ("... that follow the curve where they are few", "at_ = with_bends<D>(at_, kMostBend * reach_);", ""),
+        ("... that follow the curve where they are few", "at_ = with_bends<D>(at_, kMaxBend * reach_);", ""),
         ("lone departures take the median", "std::abs(here - median) > kRidgeOutlier", "false"),
         ("patches that miss the ridge are split", "std::abs(off) > kRidgeMiss", "false"),
         ("a last look at the ridge", "project(0.0, -1.0, 1.0);", ""),

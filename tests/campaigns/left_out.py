@@ -77,7 +77,7 @@ def judged(kind: str, forest: Forest, count: int) -> Iterator[tuple[int, float]]
     native = forest.compiled()
     for number, seen in enumerate(sights(kind, count, UNSEEN)):
         view = prior.start_features(seen.image, seen.disc(), WORKING_SIZE)
-        odds = np.clip(forest.log_odds(prior.all_planes(view), native), -prior.CERTAIN, prior.CERTAIN)
+        odds = np.clip(forest.log_odds(prior.all_planes(view), native), -prior.MAX_LOG_ODDS, prior.MAX_LOG_ODDS)
         known = known_pixels(seen.truth, view.factor)[::STRIDE, ::STRIDE]
         inside, truth = voted(odds, view)[known >= 0] > 0, known[known >= 0] > 0
         yield number, float(np.count_nonzero(inside & truth) / max(1, np.count_nonzero(inside | truth)))

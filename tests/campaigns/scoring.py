@@ -2,7 +2,7 @@
 
 Segments so many looks at each kind that ``ffseg.learning.drawn`` draws, of numbers far beyond those it learned from, with the
 defaults. Says for each kind the mean IoU and the mean score, for all of them the Spearman correlation of both, and by what the
-odds of the overlap that the prior promises must be divided (`ffseg.judge.HOPE`): a logistic regression of the IoU.
+odds of the overlap that the prior promises must be divided (`ffseg.judge.OVERLAP_ODDS_RATIO`): a logistic regression of the IoU.
 """
 
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ import numpy as np
 
 from ffseg.api import segment
 from ffseg.io.images import single_thread
-from ffseg.judge import HOPE
+from ffseg.judge import OVERLAP_ODDS_RATIO
 from ffseg.learning.drawn.sights import KINDS, sights
 from ffseg.metrics import iou
 from ffseg.parameters import load_params
@@ -34,9 +34,9 @@ def outcomes(kind: str, looks: int) -> Iterator[tuple[str, float, float]]:
 
 
 def hope(scores: list[float], overlaps: list[float]) -> float:
-    """What the promises' odds must be divided by, from scores that `HOPE` has made of them: Newton's method."""
+    """What the promises' odds must be divided by, from scores that `OVERLAP_ODDS_RATIO` has made of them: Newton's method."""
     promised = np.clip(np.array(scores), 1e-3, 1 - 1e-3)
-    odds, shift = np.log(promised / (1 - promised)) + np.log(HOPE), 0.0
+    odds, shift = np.log(promised / (1 - promised)) + np.log(OVERLAP_ODDS_RATIO), 0.0
     for _ in range(50):
         expected = 1 / (1 + np.exp(shift - odds))
         shift += float((expected - overlaps).sum() / (expected * (1 - expected)).sum())

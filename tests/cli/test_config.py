@@ -69,10 +69,10 @@ THEN_FILE = ROOT / "tests/golden/parameters-0.1.yaml"
 
 def test_the_table_of_0_1_is_its_default_file_and_each_key_is_still_read() -> None:
     problems = Problems()
-    assert written(THEN_FILE, problems) == parameter_changes.THEN
+    assert written(THEN_FILE, problems) == parameter_changes.OLD_DEFAULTS
     assert not problems.lines
-    lines = since_0_1(parameter_changes.THEN)
-    assert [line.partition(":")[0] for line in lines[:-1]] == list(parameter_changes.UNSAID)
+    lines = since_0_1(parameter_changes.OLD_DEFAULTS)
+    assert [line.partition(":")[0] for line in lines[:-1]] == list(parameter_changes.ADDED_KEYS)
     assert lines[-1].startswith("# init.boxes means now: the objects inside them")
     assert lines[0] == "edges.source: gradient  # auto now"
 
@@ -88,7 +88,9 @@ def test_check_says_what_to_add_to_a_file_of_0_1_for_its_results(ffseg_command: 
     assert {line.partition(":")[0] for line in lines} == changed
     file.write_text(file.read_text() + "\n".join(lines) + "\n")
     kept = flat(load_params(file))
-    then = parameter_changes.THEN | parameter_changes.UNSAID | {"contour.clearance": 8.0, "init.radius": 80.0}
+    then = (
+        parameter_changes.OLD_DEFAULTS | parameter_changes.ADDED_KEYS | {"contour.clearance": 8.0, "init.radius": 80.0}
+    )
     assert {key: kept[key] for key in then} == then
     assert not ffseg_command("config", "check", "old.yaml", cwd=tmp_path).stderr
     image = ROOT / "samples/toy.png"

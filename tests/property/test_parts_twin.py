@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from ffseg.image.parts import connected_parts, parts_holding
-from ffseg.starts.pockets import START_SHARE, depths, discs
+from ffseg.starts.pockets import START_RADIUS_FRACTION, depths, discs
 
 
 @pytest.mark.parametrize("corners", [False, True])
@@ -27,7 +27,7 @@ def test_a_disc_in_each_part(seed: int) -> None:
     expected = set()
     for part in np.flatnonzero(told.areas >= 20):
         row, column = np.unravel_index(np.where(told.labels == part, depth, 0).argmax(), mask.shape)
-        expected.add((float(column), float(row), min(6.0, START_SHARE * float(depth[row, column]))))
+        expected.add((float(column), float(row), min(6.0, START_RADIUS_FRACTION * float(depth[row, column]))))
     found = discs(depth, told, np.flatnonzero(told.areas >= 20), 6.0)
     assert set(found) == expected
     assert [radius for _, _, radius in found] == sorted((radius for _, _, radius in found), reverse=True)

@@ -7,7 +7,7 @@ import pytest
 from rendered import render_pair, segment_view
 
 from ffseg.camera.motion import planar_pose
-from ffseg.freespace.altitudes import ALIKE, BEHIND, NEIGHBOUR, REACH, _passable
+from ffseg.freespace.altitudes import BEHIND_COSINE, CLEAR_RADIUS, ZONE_COSINE, ZONE_REACH, _passable
 from ffseg.freespace.sequence import Frame, Sequence
 from ffseg.parameters import load_params
 from ffseg.rendering.pairs import RenderedPair
@@ -84,20 +84,20 @@ def at(degrees: float, distance: float) -> tuple[float, float]:
 
 def test_a_point_needs_ground_beyond_it() -> None:
     assert passable((50, 0, False)) == [False]
-    assert passable((50, 0, False), (*at(0, REACH - 1), False))[0]
-    assert not passable((50, 0, False), (*at(0, REACH + 1), False))[0]
+    assert passable((50, 0, False), (*at(0, ZONE_REACH - 1), False))[0]
+    assert not passable((50, 0, False), (*at(0, ZONE_REACH + 1), False))[0]
     assert not passable((50, 0, False), (*at(180, 20), False))[0]
-    inside, outside = np.rad2deg(np.arccos(ALIKE)) + np.array([-1.0, 1.0])
+    inside, outside = np.rad2deg(np.arccos(ZONE_COSINE)) + np.array([-1.0, 1.0])
     assert passable((50, 0, False), (*at(inside, 40), False))[0]
     assert not passable((50, 0, False), (*at(outside, 40), False))[0]
 
 
 def test_nothing_may_stand_behind_or_beside_it() -> None:
     ground = (*at(0, 20), False)
-    assert not passable((50, 0, False), ground, (*at(0, REACH - 1), True))[0]
-    assert passable((50, 0, False), ground, (*at(0, REACH + 1), True))[0]
-    inside, outside = np.rad2deg(np.arccos(BEHIND)) + np.array([-1.0, 1.0])
+    assert not passable((50, 0, False), ground, (*at(0, ZONE_REACH - 1), True))[0]
+    assert passable((50, 0, False), ground, (*at(0, ZONE_REACH + 1), True))[0]
+    inside, outside = np.rad2deg(np.arccos(BEHIND_COSINE)) + np.array([-1.0, 1.0])
     assert not passable((50, 0, False), ground, (*at(-inside, 50), True))[0]
     assert passable((50, 0, False), ground, (*at(-outside, 50), True))[0]
-    assert not passable((50, 0, False), ground, (*at(180, NEIGHBOUR - 1), True))[0]
-    assert passable((50, 0, False), ground, (*at(180, NEIGHBOUR + 1), True))[0]
+    assert not passable((50, 0, False), ground, (*at(180, CLEAR_RADIUS - 1), True))[0]
+    assert passable((50, 0, False), ground, (*at(180, CLEAR_RADIUS + 1), True))[0]

@@ -301,7 +301,7 @@ def test_chunks_become_smaller_as_less_is_left(tmp_path: Path, monkeypatch: pyte
     summary = run_batch(tmp_path / "in", tmp_path / "out", executor="dask", chunk=17, num_workers=2)
     assert summary.done == sum(sizes) == 150
     assert sizes[:3] == [17, 17, 15], "the most that is asked for, then an eighth of what is left"
-    assert sizes[-2] == dask.LEAST
+    assert sizes[-2] == dask.MIN_CHUNK
 
 
 def test_a_cluster_of_this_machine_is_open_to_no_other() -> None:

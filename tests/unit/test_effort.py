@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 import ffseg
 from ffseg.geometry.freeform import FreeForm
 from ffseg.methods import freeform, paper, snake
-from ffseg.methods.effort import LEAST, budget, iterations
+from ffseg.methods.effort import MIN_BUDGET, budget, iterations
 from ffseg.scene import Scene
 from tests import evolutions
 
@@ -29,7 +29,7 @@ def test_a_contour_that_goes_round_an_island_for_ever_spends_its_budget() -> Non
     assert result.stats.stop_reason in {"budget", "max_patches"}
     assert any("the contour was stopped" in message for message in result.messages)
     assert result.score <= 0.5
-    assert result.stats.iterations < LEAST + freeform.WORK * island().size
+    assert result.stats.iterations < MIN_BUDGET + freeform.WORK * island().size
 
 
 @pytest.mark.parametrize("most", [50, 400, 3000])
@@ -45,11 +45,11 @@ def test_work_ends_within_an_iteration_of_the_budget(most: int) -> None:
 def test_the_budget_is_in_proportion_to_the_domain() -> None:
     edges = ffseg.EdgeMap(np.zeros((40, 50), np.uint16), np.zeros((40, 50), np.uint8), None, (1.0, 2.0))
     scene = Scene(np.zeros((40, 50), np.uint8), ffseg.load_params(None), edges=edges)
-    assert budget(scene, 4) == LEAST + 4 * 2000
+    assert budget(scene, 4) == MIN_BUDGET + 4 * 2000
     domain = np.zeros((40, 50), np.uint8)
     domain[5:15, 5:25] = 7
     inner = ffseg.EdgeMap(edges.gradient, edges.edges, domain, (1.0, 2.0))
-    assert budget(Scene(scene.image, scene.params, edges=inner), 4) == LEAST + 4 * 200
+    assert budget(Scene(scene.image, scene.params, edges=inner), 4) == MIN_BUDGET + 4 * 200
 
 
 def test_an_integer_bounds_iterations_and_auto_does_not() -> None:

@@ -7,11 +7,11 @@ import pytest
 
 from ffseg.cli.commands.learn import prior_sentence
 from ffseg.evidence.base import enough_of
-from ffseg.evidence.features import KNOWN
+from ffseg.evidence.features import ALL_FEATURES
 from ffseg.evidence.forest import Forest, Model, from_bytes, to_bytes
 from ffseg.evidence.prior import prior
 from ffseg.evidence.source import model_odds
-from ffseg.learning.training import THIN, PriorChoice, Samples, choose_prior, learn, samples
+from ffseg.learning.training import SUBSAMPLING, PriorChoice, Samples, choose_prior, learn, samples
 from tests.stumps import stump
 from tests.unit.test_evidence_base import halves
 from tests.unit.test_evidence_learning import example
@@ -20,7 +20,7 @@ from tests.unit.test_evidence_learning import example
 def sampled(share: float) -> Samples:
     """Pixels on which the prior has an IoU of `share`."""
     odds, inside = halves(share)
-    return Samples(np.zeros((len(inside), len(KNOWN)), np.float32), inside, odds)
+    return Samples(np.zeros((len(inside), len(ALL_FEATURES)), np.float32), inside, odds)
 
 
 @pytest.mark.parametrize(("share", "found"), [(0.8, True), (0.7, False)])
@@ -36,7 +36,7 @@ def test_more_masks_ask_it_where_it_adds_to_what_they_teach_each_other(
     count: int, share: float, taught: float, found: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """However well it does by itself; here it is surer than they are, and both together are what it is."""
-    told = [halves(taught)[0][::THIN] / 2] * count
+    told = [halves(taught)[0][::SUBSAMPLING] / 2] * count
     monkeypatch.setattr("ffseg.learning.training._left_out_odds", lambda _, corrected: told)
     chosen = [sampled(share)] * count
     decided = choose_prior(chosen)

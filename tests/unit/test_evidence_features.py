@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ffseg.errors import ParameterError, SegmentationError
-from ffseg.evidence.features import KNOWN, NAMES, enlarged, features, reduced_mean, reduction
+from ffseg.evidence.features import ALL_FEATURES, DEFAULT_FEATURES, enlarged, features, reduced_mean, reduction
 from ffseg.evidence.forest import MAGIC, Forest, Model, from_bytes, load_model, to_bytes
 from tests.discs import disc_of
 from tests.stumps import stump
@@ -27,8 +27,8 @@ def photograph() -> np.ndarray:
 
 def test_all_features_are_finite_and_named_once() -> None:
     seen = features(photograph(), disc(30, 40, 8), size=65)
-    assert (seen.factor, seen.planes.shape) == (2, (len(NAMES), 45, 65))
-    assert len(set(NAMES)) == len(NAMES)
+    assert (seen.factor, seen.planes.shape) == (2, (len(DEFAULT_FEATURES), 45, 65))
+    assert len(set(DEFAULT_FEATURES)) == len(DEFAULT_FEATURES)
     assert np.isfinite(seen.planes).all()
 
 
@@ -192,12 +192,14 @@ def test_spoiled_model_files_are_read_or_refused(request: pytest.FixtureRequest)
         "root": np.array([0, 2, 3], np.int32),
         "value": np.linspace(-1, 1, 7).astype(np.float32),
     }
-    data = to_bytes(Model(Forest(arrays), Forest(arrays, NAMES[:9]), about={"masks": 3}, exposed=True, prior=0.5))
+    data = to_bytes(
+        Model(Forest(arrays), Forest(arrays, DEFAULT_FEATURES[:9]), about={"masks": 3}, exposed=True, prior=0.5)
+    )
     counts = Counter[str]()
     for number in range(20_000 if request.config.getoption("--long") else 400):
         try:
             model = from_bytes(spoiled(data, np.random.default_rng([0, number])))
-            model.inside.probability(np.zeros((len(KNOWN), 2, 3), np.float32))
+            model.inside.probability(np.zeros((len(ALL_FEATURES), 2, 3), np.float32))
             counts["read"] += 1
         except ValueError as error:
             counts[str(error).split(",")[0][:60]] += 1

@@ -7,20 +7,20 @@ import pytest
 
 from ffseg.errors import UsageError
 from ffseg.evidence.base import base
-from ffseg.evidence.features import KNOWN, features
+from ffseg.evidence.features import ALL_FEATURES, features
 from ffseg.evidence.forest import Model
-from ffseg.evidence.openings import OPEN
+from ffseg.evidence.openings import OPENING_FEATURES
 from ffseg.evidence.source import model_odds
 from ffseg.learning.learn import uncertainty
 from ffseg.learning.training import (
-    CORRECTED,
-    PART,
+    CORRECTION_FRACTION,
+    FOREST_FEATURES,
     PIXELS,
-    TAUGHT,
+    STARTLESS_FEATURES,
+    TREE_FRACTION,
     TREES,
-    TRUST,
-    TRUSTED,
-    WITHOUT_START,
+    TRUSTED_FEATURE,
+    TRUSTED_LOG_ODDS,
     Example,
     converted,
     grow,
@@ -67,7 +67,9 @@ def test_the_second_forest_needs_no_start() -> None:
     one = example(3)
     anywhere = features(model.shown(one.image), disc(5, 5, 3))
     assert iou(model.start.probability(anywhere.planes) > 0.5, one.truth) > 0.8
-    assert not [name for name in WITHOUT_START if name.startswith(("from_", "barrier", "way", "across", "likeness"))]
+    assert not [
+        name for name in STARTLESS_FEATURES if name.startswith(("from_", "barrier", "way", "across", "likeness"))
+    ]
 
 
 def test_scribbles_are_enough() -> None:
@@ -100,9 +102,9 @@ def test_converted_trees_say_what_lightgbm_says() -> None:
     data = lightgbm.Dataset(one.rows, one.inside.astype(np.float32))
     settings = {"objective": "binary", "num_leaves": 31, "verbose": -1, "use_missing": False, "num_threads": 1}
     booster = lightgbm.train(settings, data, 20)
-    forest = converted(booster.dump_model()["tree_info"], KNOWN)
-    planes = features(example(2).image, example(2).start, names=KNOWN).planes
-    wanted = booster.predict(planes.reshape(len(KNOWN), -1).T)
+    forest = converted(booster.dump_model()["tree_info"], ALL_FEATURES)
+    planes = features(example(2).image, example(2).start, names=ALL_FEATURES).planes
+    wanted = booster.predict(planes.reshape(len(ALL_FEATURES), -1).T)
     np.testing.assert_allclose(forest.probability(planes).ravel(), wanted, atol=2e-6)  # 20 leaves in single precision
 
 
@@ -115,7 +117,7 @@ def test_the_same_masks_give_the_same_forest() -> None:
 
 def test_samples_are_known_pixels_seen_twice() -> None:
     one = samples(example(1))
-    assert one.rows.shape == (2 * PIXELS, len(KNOWN))
+    assert one.rows.shape == (2 * PIXELS, len(ALL_FEATURES))
     assert 0.02 < one.inside.mean() < 0.5
     half = PIXELS // 5
     np.testing.assert_array_equal(mirrored(one.rows[:half]), one.rows[half : 2 * half])
@@ -158,10 +160,10 @@ def test_uncertainty_is_higher_on_what_was_never_seen_and_hears_the_prior() -> N
 
 def test_trusting_adds_to_open_ground_and_takes_elsewhere() -> None:
     forest, one = grow([samples(example(seed)) for seed in (1, 2)], trees=10), example(3)
-    seen = features(one.image, one.start, names=KNOWN)
+    seen = features(one.image, one.start, names=ALL_FEATURES)
     plain, more = forest.probability(seen.planes), trusting(forest, 2.0).probability(seen.planes)
     odds = np.log(more / (1 - more)) - np.log(plain / (1 - plain))
-    open_here = seen[TRUSTED] > 0.5
+    open_here = seen[TRUSTED_FEATURE] > 0.5
     assert 0 < open_here.mean() < 1
     np.testing.assert_allclose(odds, np.where(open_here, 2, -2), atol=1e-3)
 
@@ -173,18 +175,18 @@ def test_a_forest_is_the_mean_of_two_of_which_one_sees_no_open_ground() -> None:
     asked = {forest.features[index] for index in forest.arrays["feature"][:first]}
     assert len(forest.arrays["root"]) == 14
     assert asked
-    assert asked.isdisjoint(OPEN)
-    assert not set(OPEN).isdisjoint(forest.features)
-    alone = grow(chosen, tuple(name for name in TAUGHT if name not in OPEN), trees=10)
-    assert set(OPEN).isdisjoint(alone.features)
+    assert asked.isdisjoint(OPENING_FEATURES)
+    assert not set(OPENING_FEATURES).isdisjoint(forest.features)
+    alone = grow(chosen, tuple(name for name in FOREST_FEATURES if name not in OPENING_FEATURES), trees=10)
+    assert set(OPENING_FEATURES).isdisjoint(alone.features)
     assert len(alone.arrays["root"]) == 10
 
 
-@pytest.mark.parametrize(("enough", "trees"), [(0.0, round(CORRECTED * TREES)), (2.0, TREES)])
+@pytest.mark.parametrize(("enough", "trees"), [(0.0, round(CORRECTION_FRACTION * TREES)), (2.0, TREES)])
 def test_one_mask_mends_the_base_and_trusts_ground(enough: float, trees: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ffseg.learning.training.enough_of", lambda _: enough)
     one = learn([samples(example(1))], searched=False)
-    assert one.inside.features[one.inside.arrays["feature"][-1]] == TRUSTED
-    assert one.inside.arrays["value"][-2:].tolist() == [-TRUST, TRUST]
-    assert len(one.inside.arrays["root"]) == len(base().arrays["root"]) + 2 * round(PART * trees) + 1
+    assert one.inside.features[one.inside.arrays["feature"][-1]] == TRUSTED_FEATURE
+    assert one.inside.arrays["value"][-2:].tolist() == [-TRUSTED_LOG_ODDS, TRUSTED_LOG_ODDS]
+    assert len(one.inside.arrays["root"]) == len(base().arrays["root"]) + 2 * round(TREE_FRACTION * trees) + 1
     assert iou(predicted(one, example(2)) > 0.5, example(2).truth) > 0.8

@@ -8,7 +8,7 @@ from batches import snapshot, table
 from commands import Command
 from drawn_films import pictures, write_film
 
-from ffseg.image.flow import BAND, start_in, steadied_region, warped_region
+from ffseg.image.flow import BOUNDARY_BAND, start_in, steadied_region, warped_region
 from tests.discs import disc_of, overlap
 from tests.masks import write_image
 
@@ -35,7 +35,7 @@ def test_the_smallest_frames_are_carried_too(shape: tuple[int, int]) -> None:
 
 def test_the_outline_goes_half_way_where_the_two_lie_close() -> None:
     assert overlap(steadied_region(disc(80, 60, 32), disc(80, 60, 30)), disc(80, 60, 31)) > 0.98
-    far = disc(80, 60, 30 + 3 * BAND)
+    far = disc(80, 60, 30 + 3 * BOUNDARY_BAND)
     assert np.array_equal(steadied_region(far, disc(80, 60, 30)), far)
     nothing = np.zeros_like(far)
     assert np.array_equal(steadied_region(nothing, far), nothing)

@@ -132,10 +132,13 @@ def test_the_grid_keeps_clear_of_all_that_is_not_free(shape: tuple[int, int]) ->
     free = np.random.default_rng(3).random(shape) > 0.002
     rig = replace(sample_camera(), center=(90.0, 60.0), robot_radius=15.0)
     expected = []
-    for y in range(candidates.GRID_STEP // 2, shape[0] - candidates.CLEAR, candidates.GRID_STEP):
-        for x in range(candidates.GRID_STEP // 2, shape[1] - candidates.CLEAR, candidates.GRID_STEP):
-            reach = candidates.CLEAR
+    for y in range(candidates.GRID_STEP // 2, shape[0] - candidates.CLEARANCE, candidates.GRID_STEP):
+        for x in range(candidates.GRID_STEP // 2, shape[1] - candidates.CLEARANCE, candidates.GRID_STEP):
+            reach = candidates.CLEARANCE
             window = free[y - reach : y + reach + 1, x - reach : x + reach + 1]
             if window.all() and np.hypot(x - 90, y - 60) > 15 + reach:
                 expected.append([x, y])
-    assert (candidates.ground_grid(rig, free).tolist(), bool(expected)) == (expected, shape[0] > 2 * candidates.CLEAR)
+    assert (candidates.ground_grid(rig, free).tolist(), bool(expected)) == (
+        expected,
+        shape[0] > 2 * candidates.CLEARANCE,
+    )

@@ -5,8 +5,8 @@ import pytest
 
 from ffseg.evidence import base, hints, prior
 from ffseg.evidence.forest import load_model, to_bytes
-from ffseg.learning.drawn.sights import KINDS, LEAST_DEPTH, sights
-from ffseg.learning.grow import HINTED, LOOKS, grow, hint_samples, prior_samples
+from ffseg.learning.drawn.sights import KINDS, MIN_DEPTH, sights
+from ffseg.learning.grow import CLICKED_VIEWS, VIEWS_PER_KIND, grow, hint_samples, prior_samples
 from ffseg.metrics import INSIDE
 from tests.campaigns.left_out import GROUPS, changed
 
@@ -16,7 +16,11 @@ FLAT = [name for name, kind in KINDS.items() if not kind.alike]
 
 @pytest.mark.parametrize(
     ("path", "names", "looks"),
-    [(prior.MODEL, prior.FEATURE_NAMES, LOOKS), (base.BASE, None, LOOKS), (hints.MODEL, hints.FEATURE_NAMES, HINTED)],
+    [
+        (prior.MODEL, prior.FEATURE_NAMES, VIEWS_PER_KIND),
+        (base.BASE, None, VIEWS_PER_KIND),
+        (hints.MODEL, hints.FEATURE_NAMES, CLICKED_VIEWS),
+    ],
 )
 def test_the_models_that_ship_say_what_they_are_of(path: object, names: object, looks: int) -> None:
     about = load_model(path, *([names] if names else [])).about
@@ -29,7 +33,7 @@ def test_a_look_shows_its_start_inside_the_truth(name: str) -> None:
     for seen in sights(name, 2):
         inside = seen.truth == INSIDE
         assert inside[seen.disc()].all()
-        assert seen.disc().sum() >= np.pi * (0.8 * (LEAST_DEPTH - 2)) ** 2 / 2
+        assert seen.disc().sum() >= np.pi * (0.8 * (MIN_DEPTH - 2)) ** 2 / 2
         assert least < inside.mean() < most
 
 

@@ -19,7 +19,7 @@ def apart(other: float, width: int = 60) -> tuple[np.ndarray, np.ndarray]:
     odds[30:90, 120 : 120 + width] = other
     rows, columns = np.indices(SHAPE)
     start = (columns - 50) ** 2 + (rows - 60) ** 2 <= 10**2
-    odds[start] = evidence.CERTAIN
+    odds[start] = evidence.MAX_LOG_ODDS
     return odds, start
 
 

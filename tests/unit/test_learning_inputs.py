@@ -18,7 +18,7 @@ from ffseg.learning import learn as learning
 from ffseg.learning.gather import few_known, gather, known_share, starts_off
 from ffseg.learning.learn import CrossValidation
 from ffseg.learning.page import summary_lines
-from ffseg.learning.training import LEAST_IN_LEAF, STARTS, Example, _chosen, starts_in
+from ffseg.learning.training import MIN_IN_LEAF, STARTS, Example, _chosen, starts_in
 from ffseg.learning.tune import Bench, tune
 from ffseg.parameters import Parameters, load_params
 from tests.discs import bright_disc, disc_of
@@ -201,7 +201,7 @@ def test_a_line_of_a_pixel_has_starts_whatever_the_radius(radius: float) -> None
 def test_few_pixels_of_a_side_are_looked_at_all_the_same() -> None:
     known = np.zeros(100_000, np.int8)
     known[:30] = 1
-    assert np.count_nonzero(known[_chosen(known, np.random.default_rng(0))]) == LEAST_IN_LEAF
+    assert np.count_nonzero(known[_chosen(known, np.random.default_rng(0))]) == MIN_IN_LEAF
 
 
 def test_a_method_without_edges_is_refused(folder: Path) -> None:

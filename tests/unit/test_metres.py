@@ -20,7 +20,7 @@ from ffseg.camera.motion import planar_pose, robot_axes, to_pixels, to_robot
 from ffseg.camera.projections import Affine, UnifiedSphere
 from ffseg.errors import CalibrationError, ParameterError
 from ffseg.freespace.birdseye import HALF_M, SCALE, birds_eye
-from ffseg.freespace.outline import REACH, Ground, _first_exits, ground_of
+from ffseg.freespace.outline import MAX_RANGE, Ground, _first_exits, ground_of
 from ffseg.freespace.sequence import Frame, free_space, segment_frame
 from ffseg.freespace.window import EarlierImage
 from ffseg.pipeline import outlines_of
@@ -216,8 +216,8 @@ def test_the_reach_is_a_circle_however_the_camera_leans(lean: float, height: flo
     camera = replace(sample_camera(), mount_height=height, up=up)
     mask = camera.domain()
     ((outer, *_),) = ground_of(mask, outlines_of(mask), camera).polygons
-    assert np.hypot(*outer.T).max() == pytest.approx(REACH)
-    assert shapely.Polygon(outer).area == pytest.approx(np.pi * REACH**2, rel=off)
+    assert np.hypot(*outer.T).max() == pytest.approx(MAX_RANGE)
+    assert shapely.Polygon(outer).area == pytest.approx(np.pi * MAX_RANGE**2, rel=off)
 
 
 def test_a_frame_of_no_camera_says_so() -> None:

@@ -16,9 +16,9 @@ import ffseg
 from ffseg.camera.motion import planar_pose, rotation_matrices
 from ffseg.errors import CalibrationError, OutputError
 from ffseg.freespace.leans import Lean
-from ffseg.freespace.occupancy import ALIKE, OccupancyMap
+from ffseg.freespace.occupancy import FRAME_CORRELATION, OccupancyMap
 from ffseg.freespace.sequence import Frame
-from ffseg.freespace.sightings import SHARP, Sighting
+from ffseg.freespace.sightings import SHARPNESS, Sighting
 from ffseg.freespace.window import Link
 from ffseg.rendering.pairs import RenderedSequence, sample_camera
 
@@ -143,11 +143,11 @@ def test_a_mask_read_between_its_pixels_is_as_sharp_as_its_edges() -> None:
     for low in (0.1, 0.2, 0.3, 0.6, 0.7, 0.8):
         some = (read >= low) & (read < low + 0.1)
         odds = [np.log(part / (1.0 - part)) for part in (free[some].mean(), read[some].mean())]
-        assert abs(odds[0] / odds[1] - SHARP) < 0.1
+        assert abs(odds[0] / odds[1] - SHARPNESS) < 0.1
 
 
 def test_frames_that_see_alike_err_alike() -> None:
-    """However many show the same, they are worth no more than 1 / ALIKE that err alone."""
+    """However many show the same, they are worth no more than 1 / FRAME_CORRELATION that err alone."""
     _, frames = driven()
     once, often = mapped(frames[:1], [None]), OccupancyMap()
     pose = planar_pose(CAMERA, 0.0, 0.0, 0.0)
@@ -156,7 +156,7 @@ def test_frames_that_see_alike_err_alike() -> None:
     single, eight = (np.log(1.0 / grid.probability - 1.0) for grid in (once, often))
     told = np.abs(single) > 0.1
     ratio = eight[told] / single[told]
-    assert 1.5 < ratio.min() < ratio.max() < 1.0 / ALIKE
+    assert 1.5 < ratio.min() < ratio.max() < 1.0 / FRAME_CORRELATION
 
 
 def test_errors_of_steps_add_up_as_they_are() -> None:

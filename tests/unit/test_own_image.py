@@ -8,7 +8,7 @@ import pytest
 
 import ffseg
 from ffseg.errors import SegmentationError
-from ffseg.image.own import LEAST_IMAGES, own_image
+from ffseg.image.own import MIN_IMAGES, own_image
 from ffseg.samples.write import write_samples
 from tests.campaigns.own_images import DRIVES, FOUND, KINDS, MOST_LOST, Case, judged
 from tests.discs import overlap
@@ -75,7 +75,7 @@ def test_a_camera_that_stands_is_told_from_one_that_moves(itself: bool) -> None:
 
 
 def test_few_images_and_images_of_two_sizes_are_refused() -> None:
-    images = frames(BONNET, LEAST_IMAGES)
+    images = frames(BONNET, MIN_IMAGES)
     assert own_image(images).any()
     with pytest.raises(SegmentationError, match="4 images are too few; take 5 or more"):
         own_image(images[1:])

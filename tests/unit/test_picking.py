@@ -595,7 +595,7 @@ def test_the_page_and_the_run_read_alike(tmp_path: Path, started: Started, monke
 @pytest.mark.parametrize("key", ["domain.mask", "domain.masks"])
 def test_the_page_keeps_to_the_domain_as_the_run_does(key: str, tmp_path: Path, monkeypatch) -> None:
     """Copies that follow the hand are smaller than the mask, which was refused; those of each image were passed over."""
-    monkeypatch.setattr(scenes, "WIDEST", 60)
+    monkeypatch.setattr(scenes, "MAX_PREVIEW_SIDE", 60)
     folder = draw(tmp_path / "in", ["a.png"])
     shape = ffseg.read_image(folder / "a.png").shape[:2]
     mask = np.zeros(shape, np.bool_)

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 from ffseg.api import segment
 from ffseg.contour import run
 from ffseg.evidence import auto
-from ffseg.evidence.prior import CERTAIN, FEATURE_NAMES, LEAST_START, all_planes, prior, start_features
+from ffseg.evidence.prior import FEATURE_NAMES, MAX_LOG_ODDS, MIN_START_RADIUS, all_planes, prior, start_features
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image import boundary
 from ffseg.image.boundary import Boundary
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap, edge_map
-from ffseg.image.exposure import MIDDLE, normalised_exposure
-from ffseg.judge import HOPE, calibrated, expected_overlap
+from ffseg.image.exposure import MEAN_LEVEL, normalised_exposure
+from ffseg.judge import OVERLAP_ODDS_RATIO, calibrated, expected_overlap
 from ffseg.learning.drawn.sights import Sight, sights
 from ffseg.metrics import iou
 from ffseg.parameters import load_params
@@ -107,7 +107,7 @@ def test_the_start_is_inside_whatever_it_looks_like() -> None:
     image = rng.integers(0, 256, (90, 120, 3)).astype(np.uint8)
     start = np.zeros((90, 120), np.bool_)
     start[40:50, 50:70] = True
-    assert (prior(image, start)[start] == CERTAIN).all()
+    assert (prior(image, start)[start] == MAX_LOG_ODDS).all()
 
 
 def test_what_looks_like_the_start_behind_another_colour_is_as_far_off_as_that() -> None:
@@ -128,9 +128,9 @@ def test_a_small_start_is_looked_at_with_its_surroundings(radius: float) -> None
     """Of a start of a few pixels nobody can tell what its region looks like."""
     image, _ = faint(25, 12)
     at = np.hypot(*(np.indices(image.shape[:2]) - np.array([100, 120])[:, None, None]))
-    seen, usual = (start_features(image, at < size, 400).inside > 0 for size in (radius, LEAST_START))
+    seen, usual = (start_features(image, at < size, 400).inside > 0 for size in (radius, MIN_START_RADIUS))
     assert np.count_nonzero(seen ^ usual) <= 12  # of 49: the ring of a disc in pixels
-    assert (at[seen] <= LEAST_START + 1).all()
+    assert (at[seen] <= MIN_START_RADIUS + 1).all()
     assert (start_features(image, at < 9, 400).inside > 0).sum() == np.count_nonzero(at < 9)
 
 
@@ -148,7 +148,7 @@ def test_a_promise_is_sobered_by_its_odds() -> None:
     promised = np.linspace(0, 0.99, 34)
     odds = [p / (1 - p) for p in promised]
     for least, own in zip((calibrated(float(p)) for p in promised), odds, strict=True):
-        assert least / (1 - least) == pytest.approx(own / HOPE, rel=1e-9)
+        assert least / (1 - least) == pytest.approx(own / OVERLAP_ODDS_RATIO, rel=1e-9)
     assert calibrated(1.0) == 1.0
 
 
@@ -191,7 +191,7 @@ def test_a_trial_on_faint_edges_ends_early_and_changes_nothing(kind: str, monkey
 
     monkeypatch.setattr(auto, "run", told)
     early = segment(seen.image, params)
-    monkeypatch.setattr(boundary, "ENOUGH", seen.image.size)
+    monkeypatch.setattr(boundary, "MIN_JOINTS", seen.image.size)
     whole = segment(seen.image, params)
     assert (early.source, early.score) == ("prior", whole.score)
     assert [c.control_points.tolist() for c in early.contours] == [c.control_points.tolist() for c in whole.contours]
@@ -260,7 +260,9 @@ def test_another_exposure_gives_nearly_the_same_odds() -> None:
 
 def test_the_mean_level_is_brought_to_the_middle() -> None:
     image = np.random.default_rng(4).integers(20, 61, (80, 120, 3)).astype(np.uint8)
-    assert normalised_exposure(image).mean() == pytest.approx(MIDDLE, abs=1.0)  # sampled mean, and rounding to levels
+    assert normalised_exposure(image).mean() == pytest.approx(
+        MEAN_LEVEL, abs=1.0
+    )  # sampled mean, and rounding to levels
     assert normalised_exposure(np.zeros((8, 8), np.uint8)).max() == 0
 
 
@@ -268,7 +270,7 @@ def test_haze_over_the_whole_picture_is_taken_off() -> None:
     image = np.random.default_rng(4).integers(0, 256, (240, 320, 3)).astype(np.uint8)
     hazy = np.rint(180 + 0.25 * image).astype(np.uint8)
     clear, lifted = normalised_exposure(image).astype(float), normalised_exposure(hazy).astype(float)
-    assert clear.mean() == pytest.approx(MIDDLE, abs=1)  # the mean is that of every fourth pixel
+    assert clear.mean() == pytest.approx(MEAN_LEVEL, abs=1)  # the mean is that of every fourth pixel
     assert clear.std() == pytest.approx(image.std() * clear.mean() / image.mean(), rel=0.01)
     assert np.abs(clear - lifted).mean() < 3  # a level of the hazy picture is four of the clear one
 
@@ -276,7 +278,7 @@ def test_haze_over_the_whole_picture_is_taken_off() -> None:
 def test_a_bright_picture_with_dark_places_has_no_haze() -> None:
     image = np.full((60, 80, 3), 200, np.uint8)
     image[:12, :12] = 20
-    gain = MIDDLE / image[::4, ::4].mean()
+    gain = MEAN_LEVEL / image[::4, ::4].mean()
     assert set(np.unique(normalised_exposure(image))) == {round(20 * gain), round(200 * gain)}
 
 

@@ -57,7 +57,7 @@ def test_png_is_read_back_by_other_libraries(image: np.ndarray) -> None:
 def test_png_of_one_value_and_of_a_skewed_distribution() -> None:
     """Row differences that occur 1, 2, 4, ... times: unlimited Huffman codes would take more than 15 bits."""
     steps = np.repeat(np.arange(1, 20), 2 ** np.arange(19))
-    assert max(dict(png._depths(np.bincount(steps - 1))).values()) > png.LONGEST_CODE
+    assert max(dict(png._depths(np.bincount(steps - 1))).values()) > png.MAX_CODE_LENGTH
     for image in (np.zeros((7, 5), np.uint8), np.cumsum(steps).astype(np.uint8)[:, None]):
         np.testing.assert_array_equal(np.asarray(Image.open(io.BytesIO(png.encode(image)))), image)
 

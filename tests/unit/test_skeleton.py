@@ -10,7 +10,7 @@ import pytest
 import shapely
 from shapely import affinity
 
-from ffseg.freespace.skeleton import AROUND, Skeleton, _simple, skeleton_of
+from ffseg.freespace.skeleton import NEIGHBOURS, Skeleton, _simple, skeleton_of
 
 CELL = 0.05
 FOOTPRINT = 0.15
@@ -93,7 +93,7 @@ def parts_of(places: set[tuple[int, int]], corners: bool) -> int:
         queue, count = [left.pop()], count + 1
         while queue:
             row, column = queue.pop()
-            near = {(row + d, column + r) for d, r in AROUND if corners or d == 0 or r == 0} & left
+            near = {(row + d, column + r) for d, r in NEIGHBOURS if corners or d == 0 or r == 0} & left
             left -= near
             queue += near
     return count
@@ -103,7 +103,7 @@ def test_a_cell_is_simple_where_nothing_comes_apart_or_together() -> None:
     """All 256 neighbourhoods against counts of components before and after."""
     whole = {(row, column) for row in range(-2, 3) for column in range(-2, 3)}
     for pattern in range(256):
-        without = {place for bit, place in enumerate(AROUND) if pattern >> bit & 1}
+        without = {place for bit, place in enumerate(NEIGHBOURS) if pattern >> bit & 1}
         within = without | {(0, 0)}
         same = parts_of(within, True) == parts_of(without, True)
         same &= parts_of(whole - within, False) == parts_of(whole - without, False)

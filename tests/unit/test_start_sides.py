@@ -10,7 +10,7 @@ from ffseg.image.free import clear_distances, free_part_under, free_pixels, open
 from ffseg.image.raster import rasterize
 from ffseg.starts import sides
 from ffseg.starts.initial import circle_start
-from ffseg.starts.moved import SPARE, nearest_free_circle
+from ffseg.starts.moved import SPARE_MARGIN, nearest_free_circle
 from tests.discs import overlap
 
 CENTER, RADIUS, START = (110.0, 100.0), 60.0, 14.0
@@ -126,7 +126,7 @@ def test_what_is_far_from_a_start_does_not_matter(seed: int) -> None:
     labels = open_sides(free)
     old = circle_start((*rng.uniform((20, 20), (240, 200)), float(rng.uniform(4, 18))), ffseg.load_params())
     ground = free_part_under(labels > 0, rasterize([old], free.shape))
-    _, whole = nearest_free_circle(old, clear_distances(free) - SPARE, ground)
+    _, whole = nearest_free_circle(old, clear_distances(free) - SPARE_MARGIN, ground)
     found = sides._moved(old, free, labels)[1]
     assert (found.x, found.y) == (whole.x, whole.y)
     assert found.radius == pytest.approx(whole.radius, rel=1e-5)  # distances are summed in single precision

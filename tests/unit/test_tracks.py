@@ -10,7 +10,7 @@ from ffseg.batch.views import WINDOW as VIEWS_WINDOW
 from ffseg.batch.views import CameraSetup
 from ffseg.camera.motion import Pose, planar_parameters, planar_pose, relative_motion
 from ffseg.freespace.sequence import Sequence, free_space
-from ffseg.freespace.tracks import NEAR, ObstacleTracks, associate, in_earlier_frame, with_track_numbers
+from ffseg.freespace.tracks import MAX_DISTANCE, ObstacleTracks, associate, in_earlier_frame, with_track_numbers
 from ffseg.freespace.window import WINDOW, EarlierImage
 from ffseg.parameters import load_params
 from ffseg.rendering.pairs import sample_camera
@@ -30,7 +30,7 @@ def test_places_move_as_the_motion_of_the_camera_does() -> None:
 
 def test_places_are_linked_when_each_is_the_others_nearest() -> None:
     before = np.array([[0.0, 0.0], [1.0, 0.0], [3.0, 0.0]])
-    now = np.array([[0.1, 0.0], [0.15, 0.0], [3.0, NEAR + 0.01], [np.nan, 0.0]])
+    now = np.array([[0.1, 0.0], [0.15, 0.0], [3.0, MAX_DISTANCE + 0.01], [np.nan, 0.0]])
     assert (associate(now, before), associate(now, np.empty((0, 2)))) == ([0, -1, -1, -1], [-1] * 4)
     assert associate(np.empty((0, 2)), before) == []
 

@@ -19,7 +19,7 @@ from ffseg.learning import tune as tuning
 from ffseg.learning.choice import Trial
 from ffseg.learning.gather import LabelledImage, gather
 from ffseg.learning.page import not_tried, summary_lines, to_html, to_yaml
-from ffseg.learning.space import MOST_SETTINGS, halton, levels, settings, with_setting
+from ffseg.learning.space import MAX_SETTINGS, halton, levels, settings, with_setting
 from ffseg.learning.tune import TuningResult, _sensitivity, before_and_after, tune
 from ffseg.parameter_text import non_defaults
 from ffseg.parameters import load_params
@@ -114,7 +114,7 @@ def test_the_page_names_the_setting_it_shows_where_none_is_taken() -> None:
 
 def test_settings_are_spread_and_differ() -> None:
     drawn = list(islice(settings(), 100))
-    assert (len({str(one) for one in drawn}), len({str(one) for one in settings()})) == (100, MOST_SETTINGS)
+    assert (len({str(one) for one in drawn}), len({str(one) for one in settings()})) == (100, MAX_SETTINGS)
     assert len({str(one["edges.canny"]) for one in drawn}) == 10
     assert [halton(index, 2) for index in (1, 2, 3, 4)] == [0.5, 0.25, 0.75, 0.125]
     params = with_setting(load_params(), drawn[0])
@@ -141,9 +141,9 @@ def test_the_budget_is_kept(budget: int, most: int, monkeypatch: pytest.MonkeyPa
     image = np.zeros((8, 8), np.uint8)
     found = tune([LabelledImage(str(n), image, image, params, None) for n in range(8)], budget, lambda _: None)
     assert found.seconds == len(seen) <= most  # 8 for the parameters at hand, and at most a round of 2, 4 and 8 images
-    assert found.tried + found.left == MOST_SETTINGS
+    assert found.tried + found.left == MAX_SETTINGS
     (said,) = not_tried(found)
-    assert said.startswith(f"not tried for want of time: {found.left} of {MOST_SETTINGS} settings; a longer")
+    assert said.startswith(f"not tried for want of time: {found.left} of {MAX_SETTINGS} settings; a longer")
     assert f"# {said}" in to_yaml(found)
 
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from ffseg.evidence.maps import log_odds
-from ffseg.learning.choice import ERRORS, LEAST_GAIN, LEAST_SPREAD, Trial, Trials
+from ffseg.learning.choice import MIN_GAIN, MIN_SPREAD, MIN_STANDARD_ERRORS, Trial, Trials
 from ffseg.learning.space import LEVEL, levels
 from ffseg.parameters import load_params
 
@@ -50,7 +50,7 @@ def test_a_gain_of_no_level_is_above_its_noise() -> None:
 
 def test_levels_that_change_nothing_are_left_alone() -> None:
     assert tried(lambda _far, _number: 0.0).chosen([0, 1, 2]).setting == {}
-    least = 0.9 * LEAST_GAIN  # for each unit: not worth it
+    least = 0.9 * MIN_GAIN  # for each unit: not worth it
     assert tried(lambda far, _number: least * far).chosen([0, 1, 2]).setting == {}
     assert tried(lambda far, _number: 3 * least * far).chosen([0, 1, 2]).setting != {}
 
@@ -66,7 +66,7 @@ def test_a_sharp_top_of_few_images_counts_as_its_neighbours_do() -> None:
     assert found.chosen([0, 1, 2]).setting == {LEVEL: 0.73}
 
 
-ENOUGH = ERRORS * LEAST_SPREAD / 3**0.5
+ENOUGH = MIN_STANDARD_ERRORS * MIN_SPREAD / 3**0.5
 """The gain that three images must show which agree."""
 
 

@@ -13,7 +13,7 @@ from ffseg.camera.motion import Pose, planar_pose
 from ffseg.camera.poses import load_poses
 from ffseg.errors import CalibrationError
 from ffseg.freespace.motion.candidates import SegmentedImage
-from ffseg.freespace.motion.contradictions import LONGEST, TALLEST, unlikely_units
+from ffseg.freespace.motion.contradictions import MAX_HEIGHT, MAX_STEP, unlikely_units
 from ffseg.freespace.motion.egomotion import pair_motion, stated_motion
 from ffseg.freespace.sequence import free_space
 from ffseg.freespace.window import EarlierImage, window_motion
@@ -89,7 +89,7 @@ def test_units_are_doubted_beyond_what_robots_do() -> None:
         assert "mount_height" in unlikely_units(*wrong(rendered, kind))
     assert unlikely_units(rendered.camera, true_poses(rendered)) == ""
     assert "millimetres" in unlikely_units(*wrong(rendered, "x and y in millimetres"))
-    assert rendered.camera.mounting() < TALLEST < 90.0 < 100.0 * LONGEST
+    assert rendered.camera.mounting() < MAX_HEIGHT < 90.0 < 100.0 * MAX_STEP
 
 
 def test_stated_deviations_are_taken_and_others_assumed(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from ffseg.batch.workers.messages import Digests, Done, Encoded, Failed, Reply
 from ffseg.io.files import make_folder, remove_files
 
 CHUNKS = "chunks"
-_GOING = ".going"
+_RUNNING = ".going"
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,14 +35,14 @@ class Chunks:
         folder = os.path.join(state, CHUNKS)
         make_folder(folder)
         chunks = cls(folder, os.urandom(6).hex())
-        remove_files(os.path.join(folder, name) for name in os.listdir(folder) if name.endswith(_GOING))
+        remove_files(os.path.join(folder, name) for name in os.listdir(folder) if name.endswith(_RUNNING))
         Path(chunks.going).touch()
         return chunks
 
     @property
     def going(self) -> str:
         """File that is there as long as the run wants its chunks done."""
-        return os.path.join(self.folder, self.run + _GOING)
+        return os.path.join(self.folder, self.run + _RUNNING)
 
     def path(self, number: int) -> str:
         """File of a chunk."""

@@ -27,9 +27,9 @@ from ffseg.plugins import require
 
 CHUNKS_EACH = 4
 """Chunks of a worker that what is left is cut into, so that all workers end at about the same time."""
-LEAST = 10
+MIN_CHUNK = 10
 """Images of a chunk, while there are so many: a chunk on its way costs about as much as one of them."""
-AHEAD = 2
+CHUNKS_AHEAD = 2
 """Chunks of each worker that are on their way at once."""
 _LOOPBACK = "127.0.0.1:0"
 """Where pages of a cluster of this machine are: without a place of their own, Dask opens them to the network."""
@@ -42,9 +42,9 @@ _QUIET = {
 }
 """Of a cluster in this process, which nobody watches: its looking after itself took as long as its work."""
 _TICK_MS = 100
-_PATIENCE_S = 20
+_ANSWER_TIMEOUT_S = 20
 """Seconds a scheduler may take to answer."""
-_GOODBYE_S = 5
+_CLOSE_TIMEOUT_S = 5
 """Seconds that workers may take to hear that a run is over."""
 
 
@@ -85,7 +85,7 @@ class Dask(Executor):
             lend(self._key, start)
         self._parts, self._left = workers * CHUNKS_EACH, start.num_tasks
         self._size = self._next_size()
-        self._most = self._size * workers * AHEAD
+        self._most = self._size * workers * CHUNKS_AHEAD
         self._chunks = Chunks.begin(start.state)
         self._chunk: list[Task] = []
         self._waiting: dict[Any, tuple[tuple[Task, ...], int]] = {}
@@ -106,7 +106,7 @@ class Dask(Executor):
 
     def _next_size(self) -> int:
         """Images of the next chunk: fewer as fewer are left."""
-        return min(self._start.options.chunk, max(LEAST, -(-self._left // self._parts)))
+        return min(self._start.options.chunk, max(MIN_CHUNK, -(-self._left // self._parts)))
 
     def _submit(self) -> None:
         tasks, self._chunk = tuple(self._chunk), []
@@ -175,7 +175,7 @@ class Dask(Executor):
             self._client.cancel(list(self._waiting), force=True)
         if self._cluster is None and self._client.status == "running":
             with contextlib.suppress(Exception):
-                self._client.run(end_idle, self._key, on_error="ignore", callback_timeout=_GOODBYE_S)
+                self._client.run(end_idle, self._key, on_error="ignore", callback_timeout=_CLOSE_TIMEOUT_S)
         with contextlib.suppress(Exception):
             self._client.close(timeout=2)
         if self._cluster is not None:
@@ -193,7 +193,7 @@ def _connect(start: Assignment) -> tuple[Any, Any]:
     for name in [*logging.root.manager.loggerDict, "distributed", "tornado"]:  # some have levels of their own
         if name.partition(".")[0] in ("distributed", "tornado"):
             logging.getLogger(name).setLevel(logging.CRITICAL)  # what matters is told by the run
-    config.set({"distributed.comm.timeouts.connect": _PATIENCE_S, "distributed.scheduler.worker-saturation": 1.0})
+    config.set({"distributed.comm.timeouts.connect": _ANSWER_TIMEOUT_S, "distributed.scheduler.worker-saturation": 1.0})
     address = start.options.scheduler
     cluster = None
     if not address:  # workers that are threads: each has a process of ours that works on the images
@@ -210,7 +210,7 @@ def _connect(start: Assignment) -> tuple[Any, Any]:
         if address:
             with ThreadPoolExecutor(1) as thread:  # a notebook's own has a loop already
                 thread.submit(asyncio.run, _require_scheduler(address, start.stop)).result()
-        return distributed.Client(cluster or address, timeout=_PATIENCE_S, set_as_default=False), cluster
+        return distributed.Client(cluster or address, timeout=_ANSWER_TIMEOUT_S, set_as_default=False), cluster
     except (asyncio.CancelledError, Exception) as error:  # what answers may be anything, and Dask read anything into it
         if start.stop >= 0 and select.select([start.stop], [], [], 0)[0]:  # what was cut off may end as any of them
             raise KeyboardInterrupt from error
@@ -226,8 +226,8 @@ async def _require_scheduler(address: str, stop: int) -> None:
     if stop >= 0 and task is not None:
         asyncio.get_running_loop().add_reader(stop, task.cancel)
     secured = distributed.Security().get_connection_args("client")
-    async with distributed.rpc(address, timeout=_PATIENCE_S, connection_args=secured) as there:
-        found = (await asyncio.wait_for(there.identity(), _PATIENCE_S))["type"]
+    async with distributed.rpc(address, timeout=_ANSWER_TIMEOUT_S, connection_args=secured) as there:
+        found = (await asyncio.wait_for(there.identity(), _ANSWER_TIMEOUT_S))["type"]
     if found != "Scheduler":
         raise ValueError(f"it is a {found}")
 

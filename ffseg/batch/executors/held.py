@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from threading import RLock, Timer
 
 from ffseg.batch.executors.base import Assignment, Options
-from ffseg.batch.executors.processes import AHEAD, Processes
+from ffseg.batch.executors.processes import TASKS_AHEAD, Processes
 from ffseg.batch.workers.messages import Setup
 
 IDLE_S = 60.0
@@ -65,7 +65,7 @@ def worker_process(key: str, setup: Setup, timeout: float, going: str) -> Iterat
     finally:
         _busy.discard(held)
     with _changing:  # whoever ends the idle ones of a run that is over sees this one, or this one sees that it is over
-        wanted = held.executor.room() == AHEAD and os.path.exists(going)  # else it may have something to do still
+        wanted = held.executor.room() == TASKS_AHEAD and os.path.exists(going)  # else it may have something to do still
         if wanted:
             _keep(held)
     if not wanted:

@@ -17,10 +17,10 @@ from ffseg.batch.workers.launch import Process, launch
 from ffseg.batch.workers.messages import PIECE, Event, Failed, Inbox, Note, Ready, Refused, Reply, Task, send
 from ffseg.errors import UsageError, WorkerLostError
 
-AHEAD = 2
+TASKS_AHEAD = 2
 """Tasks a worker holds: the one it works on, and the next, so that it never waits while its last reply is written."""
 _LOG_TAIL = 2000  # bytes of a dead worker's stderr worth keeping
-_STILLBORN = 3  # workers in a row that die before they are ready end the run
+_MAX_FAILED_STARTS = 3  # workers in a row that die before they are ready end the run
 
 
 @dataclass(eq=False, slots=True)
@@ -75,7 +75,7 @@ class Processes(Executor):
             self._adopt(process)
 
     def room(self) -> int:
-        return self._num_workers * AHEAD - len(self._waiting) - sum(len(worker.queue) for worker in self._workers)
+        return self._num_workers * TASKS_AHEAD - len(self._waiting) - sum(len(worker.queue) for worker in self._workers)
 
     def put(self, task: Task) -> None:
         self._waiting.append(task)
@@ -126,7 +126,7 @@ class Processes(Executor):
             started = self._another()
             if started is not None:
                 return started
-        return worker if worker is not None and len(worker.queue) < AHEAD else None
+        return worker if worker is not None and len(worker.queue) < TASKS_AHEAD else None
 
     def _another(self) -> Worker | None:
         """A further worker; None where the system lets there be no more, which is said once.
@@ -203,7 +203,7 @@ class Processes(Executor):
         if not worker.ready:
             self._waiting.extendleft(reversed(worker.queue))
             self._stillborn += 1
-            if self._stillborn < _STILLBORN:
+            if self._stillborn < _MAX_FAILED_STARTS:
                 return
             raise WorkerLostError(
                 f"a worker process ended ({_ending(code)}) before it was ready: {tail or 'no message'}"

@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     import tarfile
 
 _PACKED = (".tar.gz", ".tgz", ".tar.bz2", ".tbz", ".tar.xz", ".txz", ".tar.zst")
-_MOST_MEMBERS = 100_000_000
-_LONGEST_END = 1 << 20
+_MAX_MEMBERS = 100_000_000
+_MAX_END = 1 << 20
 """Bytes of zeros behind the last member: two blocks of 512, filled up to a record of 10 kB, or what ``tar -b`` asks for."""
 
-_MOST_LINKS = 40
+_MAX_LINKS = 40
 """Links that are followed one after another, as Linux does."""
-_MOST_FOLDERS = 400
+_MAX_FOLDERS = 400
 """Folders below each other; more are no names of outputs, and more than a thousand end Python's makedirs."""
 
 
@@ -65,8 +65,8 @@ def _require_end(archive: tarfile.TarFile) -> None:
     """Refuse an archive that goes on where tarfile takes it to end: at a header that is damaged, cut or all zeros."""
     file: Any = archive.fileobj
     file.seek(archive.offset)
-    rest = file.read(_LONGEST_END + 1)
-    if len(rest) > _LONGEST_END or rest.strip(b"\0"):
+    rest = file.read(_MAX_END + 1)
+    if len(rest) > _MAX_END or rest.strip(b"\0"):
         raise ValueError(
             f"it is cut or damaged at byte {archive.offset}, behind which there may be more; copy it again"
         )
@@ -77,8 +77,8 @@ def _images(path: str, archive: tarfile.TarFile, suffixes: Collection[str]) -> l
     files: dict[str, tuple[int, int]] = {}
     links: dict[str, str] = {}
     for count, member in enumerate(archive):
-        if count >= _MOST_MEMBERS:
-            raise ValueError(f"more than {_MOST_MEMBERS} members")
+        if count >= _MAX_MEMBERS:
+            raise ValueError(f"more than {_MAX_MEMBERS} members")
         kept.members = []  # it would keep them all
         name = member.name.removeprefix("./")
         if member.issym() or member.islnk():
@@ -120,10 +120,10 @@ def _target(name: str, link: tarfile.TarInfo) -> str:
 def _source(path: str, name: str, files: Mapping[str, tuple[int, int]], links: Mapping[str, str]) -> InputImage:
     """The image of a name, which may be a link to another member; one that leads elsewhere says so."""
     target = name
-    for _ in range(_MOST_LINKS):
+    for _ in range(_MAX_LINKS):
         if target in files:
-            deep = name.count("/") > _MOST_FOLDERS
-            problem = f"bad-name: it lies more than {_MOST_FOLDERS} folders deep; pack it again" if deep else ""
+            deep = name.count("/") > _MAX_FOLDERS
+            problem = f"bad-name: it lies more than {_MAX_FOLDERS} folders deep; pack it again" if deep else ""
             return InputImage(path, name, problem, span=files[target])
         if target not in links:
             problem = f"missing: a link to {printable(target)}, which is no file in the archive; pack it too (tar -h)"

@@ -247,7 +247,7 @@ def identity(path: str) -> tuple[int, int] | None:
     return status.st_dev, status.st_ino
 
 
-_LONGEST_LIST = 1 << 32
+_MAX_LIST_BYTES = 1 << 32
 
 
 def sources_of_list(path: str, *, nul: bool = False) -> list[InputImage]:
@@ -288,9 +288,9 @@ def sources_of_list(path: str, *, nul: bool = False) -> list[InputImage]:
 def _list_content(path: str) -> bytes:
     try:
         if path == "-":
-            return sys.stdin.buffer.read(_LONGEST_LIST)
+            return sys.stdin.buffer.read(_MAX_LIST_BYTES)
         with Path(path).open("rb") as file:
-            return file.read(_LONGEST_LIST)
+            return file.read(_MAX_LIST_BYTES)
     except OSError as error:
         reason = os.strerror(error.errno or 0)
         raise UsageError(f"--list: {printable(path)} cannot be read ({reason}); check the name") from error

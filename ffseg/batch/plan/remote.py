@@ -12,7 +12,7 @@ from ffseg.io.files import printable
 PROTOCOLS = ("s3", "gs", "gcs", "http", "https", "memory")
 """What is read; ``memory`` is for tests."""
 
-_PATIENCE = 60.0
+_TIMEOUT_S = 60.0
 """Seconds without a byte."""
 _GONE = (404, 410)
 
@@ -112,7 +112,7 @@ def _open_http(url: str, *, redirects: bool) -> Any:  # noqa: ANN401 - the answe
         credentials = base64.b64encode(unquote(account).encode()).decode("ascii")
         request.add_unredirected_header("Authorization", f"Basic {credentials}")
     try:
-        return build_opener(Redirects).open(request, timeout=_PATIENCE)
+        return build_opener(Redirects).open(request, timeout=_TIMEOUT_S)
     except HTTPError as error:
         error.close()
         if error.code in _GONE:

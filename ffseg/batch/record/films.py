@@ -33,7 +33,7 @@ _CODECS = {
 _RATE = 25
 """Frames a second where they have no times, as in a folder."""
 _CLOCK = 90_000
-_MOST_BYTES = 1 << 30
+_MAX_BYTES = 1 << 30
 Timed = tuple[float, Image]
 
 
@@ -93,7 +93,7 @@ def _picture(out: str, kind: str, record: Record) -> Image:
     path = next(path for path in record.outputs if path.startswith(folder))
     made = decode_image(output_bytes(out, path, record.members.get(path)))
     if kind == "cutout":
-        image = decode_image(read_input(record.files["image"][0], _MOST_BYTES))
+        image = decode_image(read_input(record.files["image"][0], _MAX_BYTES))
         made = np.dstack([as_colour(image) * (made[:, :, None] > 0), made])
     more = [(0, side % 2) for side in made.shape[:2]]  # colours of two pixels are stored as one
     return np.pad(made, [*more, *([(0, 0)] if made.ndim > 2 else [])], mode="edge")

@@ -30,10 +30,10 @@ from ffseg.batch.tar.writer import PackWriter, head_size, unwritable
 from ffseg.batch.values import Record, parsed_record, record_line
 from ffseg.io.files import AT_ONCE, read_at, remove_files, require_replaceable, sync_folders
 
-_MOST_OPEN = 64
+_MAX_OPEN = 64
 """Tar files read from at once."""
 _FOLDER = f"{STATE_FOLDER}/{PACKS}"
-NAMED = 20
+MAX_NAMED = 20
 """Outputs that are missing and are named."""
 
 
@@ -48,7 +48,7 @@ class OrderedPacks:
     packs : list of str
         The tar files, as records name them, once they are whole.
     lost : list of str
-        Outputs that are not what was written, and are left out: no more than `NAMED` of them.
+        Outputs that are not what was written, and are left out: no more than `MAX_NAMED` of them.
     """
 
     def __init__(self, out: str) -> None:
@@ -85,7 +85,7 @@ class OrderedPacks:
                     members |= self._tar(kind_of(path)).append([(path, data)], sync=False)
                 else:
                     members[path] = NOWHERE
-                    self.lost += [path] * (len(self.lost) < NAMED)
+                    self.lost += [path] * (len(self.lost) < MAX_NAMED)
             yield replace(record, members=members)
         self.complete()
 
@@ -105,7 +105,7 @@ class OrderedPacks:
 
     def _source(self, pack: str) -> int:
         if pack not in self._sources:
-            if len(self._sources) >= _MOST_OPEN:
+            if len(self._sources) >= _MAX_OPEN:
                 self._close_sources()
             self._sources[pack] = os.open(pack_path(self._out, pack), os.O_RDONLY | AT_ONCE)
         return self._sources[pack]

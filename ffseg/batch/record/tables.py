@@ -36,9 +36,9 @@ OBSTACLE_COLUMNS = (
     "image", "component", "area_px", "centroid_x", "centroid_y", "matched_points", "max_altitude_m", "verdict",
     "against", "ground_x_m", "ground_y_m", "track",
 )  # fmt: skip
-TOGETHER = 10_000
+MAX_ROWS_IN_MEMORY = 10_000
 """Rows up to which the tables are made in memory and written together, so that the disk is waited for once."""
-_NAMED = 1000
+_MAX_NAMED = 1000
 """Stale images that ``run.json`` names; their number is always given."""
 
 Pieces = Iterator[bytes]
@@ -76,7 +76,7 @@ class Records(ABC):
     def miss(self, name: str, reason: str) -> None:
         """Take into account that an image is no longer what its record says."""
         self.num_stale += 1
-        if len(self.stale) < _NAMED:
+        if len(self.stale) < _MAX_NAMED:
             self.stale.append((name, reason))
 
 
@@ -168,7 +168,7 @@ class Tables:
             from ffseg.batch.record.films import write_films
 
             names += write_films(self.out, self.films, self.survey, tell)
-        if self.survey.count > TOGETHER:
+        if self.survey.count > MAX_ROWS_IN_MEMORY:
             self._write_each(tables.items(), tell)
             return names
         try:

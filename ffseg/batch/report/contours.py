@@ -26,7 +26,7 @@ _PLAIN = re.compile(r"[-+MLQCZe\d., \n]*")
 _CHORDS = 4
 """Chords to a patch for centroids: patches are short, and a tenth of a pixel is what the page shows. Areas are exact."""
 
-FARTHEST = 1e7
+MAX_COORDINATE = 1e7
 """Pixels: beyond the sides of any image by a hundred times."""
 
 
@@ -72,7 +72,7 @@ def _contour(data: str) -> FreeForm:
     numbers = np.array([float(word) for word in data.translate(_TO_SPACES).split()])
     if len(numbers) % 2:
         raise ValueError("a contour has an x without a y")
-    if not (np.abs(numbers) <= FARTHEST).all():
+    if not (np.abs(numbers) <= MAX_COORDINATE).all():
         raise ValueError("a contour lies farther away than any image reaches")
     points = numbers.reshape(-1, 2) - 0.5
     if degree > 1:
@@ -124,12 +124,12 @@ def packed_components(contours: Sequence[FreeForm], verdicts: Iterable[Mapping[s
         x, y = centroid(contour)
         area = round(contour.signed_area, 1)
         parts.append({"d": packed_path(contour), "area": area, "at": [round(x, 1), round(y, 1)]})
-    for row in islice(verdicts, MOST_VERDICTS):
+    for row in islice(verdicts, MAX_VERDICTS):
         _attach(parts, row)
     return pack(parts)
 
 
-MOST_VERDICTS = 500
+MAX_VERDICTS = 500
 """Rows of one image that are shown: pairs have a few dozen components."""
 
 
@@ -140,7 +140,7 @@ def pack(value: object) -> str:
     return base64.b64encode(data).decode("ascii")
 
 
-_NEAR = 3.0
+_MAX_CENTROID_DISTANCE = 3.0
 """px between the centroid of the pixels of a component and that of its curve; more means another component."""
 
 
@@ -150,7 +150,7 @@ def _attach(parts: list[dict[str, object]], row: Mapping[str, object]) -> None:
     facts = {"verdict": row.get("verdict"), "points": row.get("matched_points"), "altitude": row.get("max_altitude_m")}
     holes = [part for part in parts if "d" in part and "verdict" not in part and _area(part) < 0]
     distances = np.hypot(*(np.array([part["at"] for part in holes]).reshape(-1, 2) - at).T)
-    if holes and distances.min() <= _NEAR:
+    if holes and distances.min() <= _MAX_CENTROID_DISTANCE:
         holes[int(np.argmin(distances))].update(facts)
         return
     parts.append({"area": -float(_numbers(row, "area_px")[0]), "at": at.tolist(), **facts})

@@ -25,12 +25,12 @@ EMBEDDED_BYTES = 20_000_000
 
 _SHOWN = frozenset({".png", ".jpg", ".jpeg", ".jpe", ".jfif", ".webp", ".gif", ".bmp", ".avif"})
 """Files every current browser shows."""
-MOST_LINES = 1000
+MAX_LINES = 1000
 """Parameters and other facts that are shown of a ``run.json``, and _DEPTH levels of them."""
 _DEPTH = 20
-MOST_CONTOURS = 10_000
+MAX_CONTOURS = 10_000
 """Contours of one image that are drawn; those of a photograph are a few hundred."""
-MOST_SVG = 1 << 27
+MAX_SVG_CHARACTERS = 1 << 27
 """Characters of contours that are read for one page; the images beyond are shown without."""
 
 
@@ -80,14 +80,14 @@ def _about(run: Mapping[str, Any]) -> dict[str, Any]:
     return {
         **{name: _short(run[name]) for name in ("status", "started", "ended") if name in run},
         **({"seconds": seconds} if isinstance(seconds, (int, float)) else {}),
-        "problems": [_short(text) for text in (problems if isinstance(problems, list) else ())[:MOST_LINES]],
+        "problems": [_short(text) for text in (problems if isinstance(problems, list) else ())[:MAX_LINES]],
         "counts": _facts(run.get("counts")),
         "versions": _facts(run.get("versions")),
     }
 
 
 def _facts(values: object) -> dict[str, Any]:
-    items = list(values.items())[:MOST_LINES] if isinstance(values, dict) else ()
+    items = list(values.items())[:MAX_LINES] if isinstance(values, dict) else ()
     return {_short(name): value if isinstance(value, (int, float)) else _short(value) for name, value in items}
 
 
@@ -101,7 +101,7 @@ def _parameters(values: object) -> list[tuple[str, str, bool]]:
     from ffseg.parameters import load_params
 
     defaults = dict(_flat(json.loads(json.dumps(asdict(load_params())))))
-    found = dict(islice(_flat(values if isinstance(values, dict) else {}), MOST_LINES))
+    found = dict(islice(_flat(values if isinstance(values, dict) else {}), MAX_LINES))
     return [(_short(key), _short(json.dumps(value)), defaults.get(key, value) != value) for key, value in found.items()]
 
 
@@ -119,7 +119,7 @@ def _images(found: OutputFolder, embed_bytes: int) -> Iterator[dict[str, Any]]:
     for row in found.rows:
         by_image.setdefault(row.get("image", ""), []).append(row)
     images = sources(found, list(by_image))
-    room = MOST_SVG if found.kind == "run" else 0
+    room = MAX_SVG_CHARACTERS if found.kind == "run" else 0
     for name, rows in by_image.items():
         entry: dict[str, Any] = {
             "name": name,
@@ -173,7 +173,7 @@ def _contours(found: OutputFolder, name: str) -> tuple[str, int]:
     if not text:
         return "", 0
     try:
-        contours = read_contours(text, MOST_CONTOURS)
+        contours = read_contours(text, MAX_CONTOURS)
     except ValueError:
         return "", len(text)
     return packed_components(contours, found.verdicts.get(name, ())), len(text)

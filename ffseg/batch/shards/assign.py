@@ -10,7 +10,7 @@ from ffseg.batch.plan.jobs import Plan
 from ffseg.batch.tar.members import digest
 from ffseg.errors import UsageError
 
-MOST_SHARDS = 100_000
+MAX_SHARDS = 100_000
 """Each has a folder of its own."""
 _NAME = re.compile(r"([1-9][0-9]*)-of-([1-9][0-9]*)")
 
@@ -43,8 +43,8 @@ def read_shard(text: str) -> Shard:
     """
     number, slash, count = text.partition("/")
     whole = number.isdecimal() and count.isdecimal() and text.isascii()
-    if not slash or not whole or not 1 <= int(number) <= int(count) <= MOST_SHARDS:
-        what = f"no part i/n with i from 1 to n and n up to {MOST_SHARDS}"
+    if not slash or not whole or not 1 <= int(number) <= int(count) <= MAX_SHARDS:
+        what = f"no part i/n with i from 1 to n and n up to {MAX_SHARDS}"
         raise UsageError(f"--shard {text!r} is {what}; the first of eight is 1/8")
     return Shard(int(number), int(count))
 

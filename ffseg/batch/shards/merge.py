@@ -29,7 +29,7 @@ from ffseg.batch.record.journal import (
     tables_of,
 )
 from ffseg.batch.record.lock import OutputLock
-from ffseg.batch.record.ordered import NAMED, OrderedPacks, is_gone, packs_of, publish, relocated
+from ffseg.batch.record.ordered import MAX_NAMED, OrderedPacks, is_gone, packs_of, publish, relocated
 from ffseg.batch.record.survey import stale_reason, without_old_truth
 from ffseg.batch.record.tables import Records, Tables, remove_old
 from ffseg.batch.shards.assign import Shard, shard_of_folder
@@ -38,7 +38,7 @@ from ffseg.batch.workers.freshness import still_true
 from ffseg.errors import ImageReadError, OutputError, UsageError
 from ffseg.io.files import atomic_stream, is_temporary, printable, read_bytes, remove_files, temporary_path
 
-_MOST_RUN = 1 << 30
+_MAX_RUN_BYTES = 1 << 30
 """Bytes of a ``run.json``: it names every image that is no longer as it was."""
 
 
@@ -150,7 +150,7 @@ def _write_journal(
                 records.miss(record.name, f"{changed} has changed or is gone")
             files = (path for path in record.outputs if path not in record.members)
             away = (path for path in files if not os.path.lexists(os.path.join(merge.out, path)))
-            gone += islice(away, NAMED - len(gone))
+            gone += islice(away, MAX_NAMED - len(gone))
     merge.num_stale = records.num_stale
     merge.problems += [f"{printable(path)} is gone; run its shard again" for path in gone]
     for version, count in sorted(versions.items()):
@@ -217,7 +217,7 @@ def find_parts(out: str) -> list[Part]:
 def _part(folder: str, shard: Shard) -> Part:
     header = (read_header(folder) if os.path.isdir(folder) else None) or {}
     try:
-        run = json.loads(read_bytes(os.path.join(folder, RUN), _MOST_RUN))
+        run = json.loads(read_bytes(os.path.join(folder, RUN), _MAX_RUN_BYTES))
     except (ImageReadError, ValueError, RecursionError):
         run = {}
     part = Part(shard, folder, header, run if isinstance(run, dict) else {})
@@ -284,7 +284,7 @@ def _all_lines(state: str, parts: list[Part]) -> Iterator[tuple[bytes, int, byte
                 yield key, min(rank, 1), line
 
 
-_MEMORY_KB = 65_536
+_INDEX_MEMORY_KB = 65_536
 """Of the index that is held in memory."""
 
 
@@ -300,7 +300,7 @@ def last_lines(lines: Iterable[tuple[bytes, int, bytes]], folder: str) -> Iterat
     path = temporary_path(os.path.join(folder, "lines"))
     try:
         with closing(sqlite3.connect(path, isolation_level=None)) as store:
-            for what in ("journal_mode=OFF", "synchronous=OFF", f"cache_size=-{_MEMORY_KB}"):  # nobody resumes it
+            for what in ("journal_mode=OFF", "synchronous=OFF", f"cache_size=-{_INDEX_MEMORY_KB}"):  # nobody resumes it
                 store.execute(f"PRAGMA {what}")
             store.execute("CREATE TABLE lines (key BLOB, rank INT, line BLOB, PRIMARY KEY (key, rank))")
             store.execute("BEGIN")

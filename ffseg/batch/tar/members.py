@@ -20,7 +20,7 @@ BLOCK = 512
 END = bytes(2 * BLOCK)
 """End of a tar file."""
 _MARK = "@"
-_MOST_BYTES = 1 << 40
+_MAX_BYTES = 1 << 40
 """Of an output that is compared with what was written."""
 
 
@@ -59,7 +59,7 @@ def output_bytes(out: str, path: str, member: Member | None) -> bytes:
     """Content of an output; unlike an input it may be empty, as the labels of an empty region are."""
     place = os.path.join(out, path) if member is None else pack_path(out, member[0])
     try:
-        return read_bytes(place, _MOST_BYTES) if member is None else read_input(place, _MOST_BYTES, member[1:])
+        return read_bytes(place, _MAX_BYTES) if member is None else read_input(place, _MAX_BYTES, member[1:])
     except ImageReadError as error:
         if error.reason == "empty" and os.path.isfile(place):
             return b""

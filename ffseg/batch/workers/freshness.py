@@ -18,7 +18,7 @@ from ffseg.io.files import printable
 if TYPE_CHECKING:
     from ffseg.batch.plan.sources import Job
 
-_MOST_BYTES = 1 << 40
+_MAX_BYTES = 1 << 40
 """Of a member that is compared with what it was."""
 
 
@@ -139,6 +139,6 @@ def _content_digest(path: str) -> str:
     if split_member_path(path)[2] is None:
         return output_digest("", path)
     try:
-        return digest(read_input(path, _MOST_BYTES))
+        return digest(read_input(path, _MAX_BYTES))
     except ImageReadError:
         return ""

@@ -15,7 +15,7 @@ from ffseg.batch.plan.sources import InputImage
 from ffseg.errors import ImageReadError
 from ffseg.io.files import printable
 from ffseg.io.images import Limits, decode_image
-from ffseg.io.masks import MOST_LEVELS, decode_labels, hides_levels
+from ffseg.io.masks import MAX_LEVELS, decode_labels, hides_levels
 from ffseg.metrics import IGNORED, INSIDE
 from ffseg.parameters import Levels
 
@@ -160,7 +160,7 @@ def _levels(labels: LabelImage, *, lossy: bool) -> Image:
         return np.where(labels == 1, np.uint8(INSIDE), np.uint8(0))
     if set(found.tolist()) <= {0, IGNORED * _DEEP, INSIDE * _DEEP}:
         return (labels // _DEEP).astype(np.uint8)
-    if lossy or len(found) > MOST_LEVELS:
+    if lossy or len(found) > MAX_LEVELS:
         raise ValueError(
             f"holds {len(found)} levels, as a soft brush or JPEG leaves at edges; 255 is inside, 128 ignored and 0 outside: "
             "draw it with a hard brush, save it as PNG; or say --truth-label K if they are class numbers"

@@ -9,7 +9,7 @@ import sys
 
 _PR_SET_PDEATHSIG = 1
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
-_KEPT_BYTES, _LARGEST_KEPT = 128 << 20, 32 << 20
+_KEPT_BYTES, _MAX_KEPT_BLOCK = 128 << 20, 32 << 20
 """Freed memory that stays with the process, and the largest block that is kept so, which is the largest the library
 allows: the buffers of an image of 8 Mpx. Returned to the system after every image, they cost 440 page faults for the
 next one of 800x600, a tenth of its time. More than the largest image needed at once is never held."""
@@ -64,7 +64,7 @@ def _keep_memory() -> None:
     tell = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
     if tell is not None:
         tell(_M_TRIM_THRESHOLD, _KEPT_BYTES)
-        tell(_M_MMAP_THRESHOLD, _LARGEST_KEPT)
+        tell(_M_MMAP_THRESHOLD, _MAX_KEPT_BLOCK)
 
 
 def _limit_memory(more: int) -> None:

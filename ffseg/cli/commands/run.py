@@ -181,7 +181,7 @@ def run(  # noqa: PLR0913 - the options of the command
         float,
         typer.Option(
             min=0,
-            max=checks.MOST_SECONDS,
+            max=checks.MAX_SECONDS,
             callback=checks.number,
             show_default=True,
             help="Seconds an image may take; 0 = no limit.",
@@ -189,7 +189,7 @@ def run(  # noqa: PLR0913 - the options of the command
     ] = 300.0,
     memory: Annotated[
         int,
-        typer.Option(min=0, max=checks.MOST_MEGABYTES, help="MB a worker may add to its start; 0 = no limit."),
+        typer.Option(min=0, max=checks.MAX_MEGABYTES, help="MB a worker may add to its start; 0 = no limit."),
     ] = 4096,
     max_pixels: Annotated[int, typer.Option(min=1, help="Refuse larger images.")] = 100_000_000,
 ) -> None:

@@ -15,11 +15,11 @@ from ffseg.image.interest import NO_POINTS, InterestPoints, harris_points, outli
 
 GRID_STEP = 28
 """Pixels between points of the free space: some 130 of them in an 800x600 image."""
-CLEAR = 10
+CLEARANCE = 10
 """Pixels a point of the free space keeps from everything else: its patch must show ground only."""
-RIM = 8.0
+RIM_MARGIN = 8.0
 """Pixels inside the rim: what is nearer to it is cut off, not standing on the ground."""
-MOST_CORNERS = 10
+MAX_CORNERS = 10
 """Of a component, that the structural test looks at; more say the same again."""
 CORNERS, EDGES, BORDER = 6, 12, 72
 """Most corners and edge samples of a component, and samples of the border of the free space."""
@@ -54,7 +54,7 @@ class GroundCandidates:
     owner : ndarray of int, shape (n,)
         Place of the component, or ``FREE`` or ``FOOT``.
     corners : InterestPoints
-        The ``MOST_CORNERS`` strongest corners of each component, of which `pixels` holds the first few.
+        The ``MAX_CORNERS`` strongest corners of each component, of which `pixels` holds the first few.
     """
 
     pixels: Array
@@ -77,7 +77,7 @@ def ground_candidates(camera: Camera, grey: Image, segmented: SegmentedImage) ->
     stands up among them disagrees with the rest, and is left out by the fit.
     """
     grid = ground_grid(camera, segmented.free)
-    found = harris_points(grey, segmented.components, MOST_CORNERS)
+    found = harris_points(grey, segmented.components, MAX_CORNERS)
     corners = strongest(found, CORNERS)
     edges = outline_points(grey, segmented.components, EDGES)
     feet = _thinned(camera, segmented.border)
@@ -87,17 +87,17 @@ def ground_candidates(camera: Camera, grey: Image, segmented: SegmentedImage) ->
 
 def ground_grid(camera: Camera, free: Mask) -> Array:
     """A grid of pixels well inside the free space and outside the robot's disc, shape (n, 2)."""
-    first, size = GRID_STEP // 2, 2 * CLEAR + 1
+    first, size = GRID_STEP // 2, 2 * CLEARANCE + 1
     if min(free.shape) < size:
         return np.empty((0, 2))
-    starts = range(first - CLEAR, len(free) - size + 1, GRID_STEP)
+    starts = range(first - CLEARANCE, len(free) - size + 1, GRID_STEP)
     lines = np.array(
         [free[start : start + size].all(axis=0) for start in starts]
     )  # whole rows at once: a third of the time
-    around = np.lib.stride_tricks.sliding_window_view(lines, size, axis=1)[:, first - CLEAR :: GRID_STEP]
+    around = np.lib.stride_tricks.sliding_window_view(lines, size, axis=1)[:, first - CLEARANCE :: GRID_STEP]
     rows, columns = np.nonzero(around.all(axis=2))
     points = np.stack([columns, rows], axis=1) * float(GRID_STEP) + first
-    away = np.hypot(*(points - camera.center).T) > camera.robot_radius + CLEAR
+    away = np.hypot(*(points - camera.center).T) > camera.robot_radius + CLEARANCE
     kept: Array = points[away]
     return kept
 
@@ -114,8 +114,8 @@ def _thinned(camera: Camera, border: Array | None) -> Array:
         return np.empty((0, 2))
     distance = np.hypot(*(border - camera.center).T)
     last = np.array([camera.width, camera.height]) - 1.0
-    kept = (distance > camera.robot_radius + RIM) & (np.minimum(border, last - border).min(axis=1) > RIM)
+    kept = (distance > camera.robot_radius + RIM_MARGIN) & (np.minimum(border, last - border).min(axis=1) > RIM_MARGIN)
     if camera.rim_radius is not None:
-        kept &= distance < camera.rim_radius - RIM
+        kept &= distance < camera.rim_radius - RIM_MARGIN
     points: Array = border[kept]
     return points[:: max(1, -(-len(points) // BORDER))]

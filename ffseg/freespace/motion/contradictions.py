@@ -11,13 +11,13 @@ from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion, Pose, planar_place, planar_pose, relative_motion
 from ffseg.freespace.motion.ground import GroundFit
 
-TALLEST, LONGEST = 8.0, 25.0
+MAX_HEIGHT, MAX_STEP = 8.0, 25.0
 """Metres: no robot carries its camera higher, or moves further between two images that are to be compared."""
-CLEARLY = 1.5
+MIN_AGREEMENT_RATIO = 1.5
 """Times as many points must agree with another reading of the poses as with the one given."""
-ALIKE = 0.9
+EQUAL_AGREEMENT = 0.9
 """Of the most points, so many make a reading as good as the best; the one that the ground corrects least is taken."""
-CHANGES = 0.03, np.deg2rad(2.0)
+MIN_CHANGE = 0.03, np.deg2rad(2.0)
 """Metres and radians by which another reading must differ from the one given to be another one."""
 
 Confirmed = Callable[[Motion, Camera], tuple[GroundFit, float] | None]
@@ -42,10 +42,10 @@ class Contradiction:
 def unlikely_units(camera: Camera, poses: tuple[Pose, Pose]) -> str:
     """What no camera and no pair of poses in metres says; empty when nothing is wrong."""
     height, baseline = camera.mounting(), relative_motion(*poses).baseline
-    if height > TALLEST:
-        unit, factor = ("millimetres", 1000.0) if height > 20.0 * TALLEST else ("centimetres", 100.0)
+    if height > MAX_HEIGHT:
+        unit, factor = ("millimetres", 1000.0) if height > 20.0 * MAX_HEIGHT else ("centimetres", 100.0)
         return f"mount_height {height:g} m looks like {unit}; write {height / factor:g} in the camera file"
-    if baseline > LONGEST:
+    if baseline > MAX_STEP:
         unit, factor = ("millimetres", 1000.0) if baseline > 60.0 else ("centimetres", 100.0)
         return f"x and y of the poses look like {unit}: the images lie {baseline:g} m apart; divide them by {factor:g}"
     return ""
@@ -69,19 +69,19 @@ def likely_cause(camera: Camera, poses: tuple[Pose, Pose], confirmed: Confirmed,
     for sentence, motion, other in _readings(camera, poses):
         if _differs(stated, motion, camera, other):
             tried = confirmed(motion, other)
-            if tried is not None and tried[0].count >= CLEARLY * agree:
+            if tried is not None and tried[0].count >= MIN_AGREEMENT_RATIO * agree:
                 found.append((*tried, sentence))
     if not found:
         return None
     most = max(fit.count for fit, _, _ in found)
-    fit, _, sentence = min((one for one in found if one[0].count >= ALIKE * most), key=lambda one: one[1])
+    fit, _, sentence = min((one for one in found if one[0].count >= EQUAL_AGREEMENT * most), key=lambda one: one[1])
     return Contradiction(f"{sentence}; read like this {fit.count} points of the ground agree", fit)
 
 
 def _differs(stated: Motion, other: Motion, camera: Camera, other_camera: Camera) -> bool:
     turn = np.arccos(np.clip(0.5 * (np.trace(stated.rotation.T @ other.rotation) - 1.0), -1.0, 1.0))
     shift = np.linalg.norm(stated.translation - other.translation)
-    return bool(shift > CHANGES[0] or turn > CHANGES[1]) or camera.mounting() != other_camera.mounting()
+    return bool(shift > MIN_CHANGE[0] or turn > MIN_CHANGE[1]) or camera.mounting() != other_camera.mounting()
 
 
 def _readings(camera: Camera, poses: tuple[Pose, Pose]) -> Iterator[tuple[str, Motion, Camera]]:

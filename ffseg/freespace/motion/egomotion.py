@@ -20,17 +20,17 @@ from ffseg.image.planes import CELL, search_ground_motions
 
 POSE_TRANSLATION_SIGMA, POSE_ROTATION_SIGMA = 0.02, np.deg2rad(0.5)
 """Of a pose that does not say its own, relative to the baseline and in radians: wheel odometry over one step."""
-FINEST_POSE = 0.001, 1e-4
+MIN_POSE_SIGMA = 0.001, 1e-4
 """Metres and radians: rounding and time stamps."""
-SLACK = 5.0
+MAX_SIGMAS = 5.0
 """Standard deviations by which poses and ground may differ before neither is believed."""
 SLACK_METRES = 0.02
 """What the poses of a standing robot may differ by: their own rounding and time stamps."""
-LEAST_PARALLAX = 0.5
+MIN_PARALLAX = 0.5
 """Pixels between the ground and the threshold's altitude; with less a pair cannot tell paint from a box."""
-GOOD_SHARE = 0.6
+GOOD_FRACTION = 0.6
 """Share of agreeing points that spares a look farther away."""
-SURE_SHARE, SURE_INLIERS, SURE_ANSWER = 0.6, 20, 0.4
+SURE_FRACTION, SURE_INLIERS, SURE_ANSWER = 0.6, 20, 0.4
 """Agreeing points of the well-placed, in all, and of those asked, by which the ground contradicts poses or stands alone.
 Rendered pairs of unrelated grounds come to 0.28 of those asked, right ones to 0.78 and more."""
 SEARCH_SIGMAS = 1.5 * CELL, np.deg2rad(2.0)
@@ -100,7 +100,7 @@ def pair_motion(
     if not len(candidates.grid):
         return PairMotion(None, "the free space shows no point of the ground at which altitudes could be told")
     parallax = threshold_parallax(camera, found.motion, candidates.grid, epsilon)
-    if parallax < LEAST_PARALLAX:
+    if parallax < MIN_PARALLAX:
         return PairMotion(
             None,
             f"degenerate pair: a baseline of {found.motion.baseline:.3f} m moves the altitude threshold by "
@@ -124,7 +124,7 @@ def stated_motion(poses: tuple[Pose, Pose]) -> Motion:
     stated = [pose.sigmas for pose in poses if pose.sigmas is not None]
     if len(stated) < len(poses):
         return _with_odometry(bare, "poses")
-    sigma = np.maximum(np.sqrt(np.sum(np.square(stated), axis=0)), FINEST_POSE).tolist()
+    sigma = np.maximum(np.sqrt(np.sum(np.square(stated), axis=0)), MIN_POSE_SIGMA).tolist()
     return Motion(bare.rotation, bare.translation, "poses", 0, *sigma)
 
 
@@ -147,7 +147,7 @@ def _searched(
         for fit in _fits(camera, rough, sigmas, pair, candidates, PRESENT[1:]):
             if best is None or fit.count > best.count:
                 best = fit
-        if best is not None and best.share > GOOD_SHARE:
+        if best is not None and best.share > GOOD_FRACTION:
             break
     return best if best is not None and _sure(best) else None
 
@@ -161,12 +161,12 @@ def _fits(
         fit = fit_ground(camera, prior, sigmas, pair, candidates, looks)
         if fit is not None:
             yield fit
-            if fit.share > GOOD_SHARE:
+            if fit.share > GOOD_FRACTION:
                 return
 
 
 def _sure(fit: GroundFit) -> bool:
-    return fit.share >= SURE_SHARE and fit.count >= SURE_INLIERS and fit.answer >= SURE_ANSWER
+    return fit.share >= SURE_FRACTION and fit.count >= SURE_INLIERS and fit.answer >= SURE_ANSWER
 
 
 def _with_poses(
@@ -215,7 +215,7 @@ def _confirmed(
 
 def _with_odometry(bare: Motion, origin: Origin) -> Motion:
     """A motion with the standard deviations that wheel odometry has."""
-    sigma = max(FINEST_POSE[0], POSE_TRANSLATION_SIGMA * bare.baseline), float(POSE_ROTATION_SIGMA)
+    sigma = max(MIN_POSE_SIGMA[0], POSE_TRANSLATION_SIGMA * bare.baseline), float(POSE_ROTATION_SIGMA)
     return Motion(bare.rotation, bare.translation, origin, 0, *sigma)
 
 
@@ -226,7 +226,7 @@ def _planar(motion: Motion) -> tuple[float, float]:
 def _far(offset: Array, sigmas: Array) -> bool:
     """Whether the ground moves poses by more than they can be off."""
     shift = float(np.hypot(*offset[:2]))
-    return shift > SLACK_METRES + SLACK * float(sigmas[0]) or abs(float(offset[2])) > SLACK * float(sigmas[2])
+    return shift > SLACK_METRES + MAX_SIGMAS * float(sigmas[0]) or abs(float(offset[2])) > MAX_SIGMAS * float(sigmas[2])
 
 
 def _differ(found: Motion, stated: Motion) -> str:

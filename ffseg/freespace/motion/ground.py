@@ -15,29 +15,29 @@ from ffseg.freespace.motion.tracking import Look, TrackedPoints, track_points
 
 NOD, LEAN, LIFT = np.deg2rad(0.15), np.deg2rad(0.15), 0.002
 """Standard deviations of nod, lean (radians) and lift (metres): the plane as a strong prior."""
-HEAVY = 2.0
+HEAVY_TAIL = 2.0
 """Standard deviations from which a nod that the ground shows is believed as it is: robots do nod now and then."""
-MOST_NOD = np.array([0.05, *[np.deg2rad(4.5)] * 4])
+MAX_DEVIATION = np.array([0.05, *[np.deg2rad(4.5)] * 4])
 """Lift, nods and leans (metres, radians) beyond which it is no robot on a floor, but a chance agreement."""
 GATE = 3.5
 """Standard deviations of a whitened residual."""
-PRIOR_MOST = 25.0
+MAX_PRIOR_COST = 25.0
 """What a prior that is far off costs at most in the choice between motions: two points that disagree."""
 TRIALS, SAMPLE, BATCHES, JUDGES = 96, 4, 5, 150
 """Sets of four points a batch, batches, and points that judge them. With 40 % of the points agreeing the batches miss
 four of them once in 200,000 times, and the prior is a trial itself."""
-CLEAR_SHARE = 0.55
+CLEAR_FRACTION = 0.55
 """Share of agreeing points that spares further batches."""
 ROUNDS = 6
-STILL = 1e-5
+CONVERGED = 1e-5
 """Metres and radians; a tenth of what the ground resolves at best."""
-SETTLED = 0.3
+MAX_PREDICTION_CHANGE = 0.3
 """Pixels a motion may have changed its predictions by for the placements made from them to stand."""
 MIN_INLIERS = 8
 """Points that must agree: the motion has five parameters that no prior holds."""
 MIN_OWNERS = 3
 """Things these points must belong to; every point of the free space is one of its own."""
-LEAST_SHARE = 0.35
+MIN_INLIER_FRACTION = 0.35
 """Share of well-placed points that must agree: the rest is what moves, shines or stands up."""
 
 
@@ -197,7 +197,7 @@ def fit_ground(
             return None
         step = np.abs(tracks.previous - fit.residual - tracks.start)  # of what it predicts now
         offset, here = fit.offset, (fit.camera, fit.motion)
-        if look == "full" and len(step) and np.nanmedian(step) < SETTLED:
+        if look == "full" and len(step) and np.nanmedian(step) < MAX_PREDICTION_CHANGE:
             break
     return fit
 
@@ -216,18 +216,18 @@ def _fitted(
     for _ in range(ROUNDS):
         white = miss - levers @ (total - offset)
         inliers = np.sum(white**2, axis=1) < GATE**2
-        own = np.maximum(sigmas, np.abs(total) / HEAVY)
+        own = np.maximum(sigmas, np.abs(total) / HEAVY_TAIL)
         hold = np.diag(1.0 / own**2)
         normal = _normal(levers[inliers]) + hold
         step = np.linalg.solve(normal, np.einsum("nij,ni->j", levers[inliers], white[inliers]) - hold @ total)
         total = total + step
-        if np.abs(step).max() < STILL:
+        if np.abs(step).max() < CONVERGED:
             break
     agree = tracks.owner[inliers]
     few = len(agree) < MIN_INLIERS or _things(agree) < _needed(motion.origin)
-    if few or inliers.sum() < LEAST_SHARE * len(inliers):  # one thing alone would carry the ground with it
+    if few or inliers.sum() < MIN_INLIER_FRACTION * len(inliers):  # one thing alone would carry the ground with it
         return None
-    if np.any(np.abs(total[3:]) > MOST_NOD):
+    if np.any(np.abs(total[3:]) > MAX_DEVIATION):
         return None
     white = miss - levers @ (total - offset)
     covariance = np.asarray(np.linalg.inv(normal) * _scatter(white[inliers]), np.float64)
@@ -256,11 +256,11 @@ def _consensus(levers: Array, miss: Array, offset: Array, sigmas: Array) -> Arra
         trials = np.concatenate([_trials(random, levers, seen, sigmas), np.zeros((1, PARAMETERS)), best[None]])
         left = seen[judges].ravel() - trials @ levers[judges].reshape(-1, PARAMETERS).T
         square = left[:, 0::2] ** 2 + left[:, 1::2] ** 2
-        cost = np.minimum(square, GATE**2).sum(axis=1) + np.minimum((trials / sigmas) ** 2, PRIOR_MOST).sum(axis=1)
+        cost = np.minimum(square, GATE**2).sum(axis=1) + np.minimum((trials / sigmas) ** 2, MAX_PRIOR_COST).sum(axis=1)
         at = int(np.argmin(np.where(np.isfinite(cost), cost, np.inf)))
         if cost[at] < least:
             best, least = np.array(trials[at], np.float64), float(cost[at])
-        if np.mean(square[at] < GATE**2) > CLEAR_SHARE:
+        if np.mean(square[at] < GATE**2) > CLEAR_FRACTION:
             break
     return best
 

@@ -25,13 +25,13 @@ Look = Literal["far", "half", "full"]
 
 PATCH_RADIUS = 6
 FAR_RADIUS = 4
-LEAST_SCORE = 0.35
+MIN_SCORE = 0.35
 """Correlation of a patch of 169 pixels that noise alone reaches once in ten thousand; the fit sees to the rest."""
 NOISE_SLOPES = 0.2
 """Information per pixel of a patch that noise alone pretends to: its own slopes over its own variance."""
-WORST_SIGMA = 0.7
+MAX_SIGMA = 0.7
 """Pixels, in the best direction; a patch that cannot be placed better says nothing."""
-FINEST_SIGMA = 0.15
+MIN_SIGMA = 0.15
 """Pixels; interpolation and the small curvature of the warp leave this even on strong texture."""
 HALF_SIGMA, FAR_SIGMA = 0.5, 0.8
 """The same at half the resolution, where a nearly right prediction is all that is asked for, and after a far look."""
@@ -87,12 +87,12 @@ def track_points(
     expected = Candidates(there.pixels[seen], there.warps[seen])
     if look == "full":
         found = align_patches(*pair, points, expected, PATCH_RADIUS)
-        information = placement_information(found, PATCH_RADIUS, FINEST_SIGMA)
+        information = placement_information(found, PATCH_RADIUS, MIN_SIGMA)
     else:
         found, information = _halved(pair, points, expected, look)
     half, skew, both = _symmetric(information)
-    sure = half + np.hypot(skew, both) > WORST_SIGMA**-2 * (1.0 if look == "full" else 0.25)
-    good = (found.score > LEAST_SCORE) & sure & np.isfinite(found.pixels).all(axis=1)
+    sure = half + np.hypot(skew, both) > MAX_SIGMA**-2 * (1.0 if look == "full" else 0.25)
+    good = (found.score > MIN_SCORE) & sure & np.isfinite(found.pixels).all(axis=1)
     num_expected = int(np.count_nonzero(good | (owner != FREE)))
     information = information[good] + FAINT * np.eye(2)
     return TrackedPoints(

@@ -99,7 +99,7 @@ _TILE, _DATA, _END = 0xFF90, 0xFF93, 0xFFD9
 _TILE_HEADER = 14
 """Bytes of the shortest header of a tile."""
 _USER_PRECINCTS = 1
-_LEAST_BLOCK = 8
+_MIN_BLOCK = 8
 """Binary logarithm of the samples of a code block, of 16x16: a decoder keeps 100 bytes and more for each block, and
 encoders take 32x32 or 64x64."""
 
@@ -177,7 +177,7 @@ def _packets(coding: bytes, width: int, height: int) -> int:
     own = coding[0] & _USER_PRECINCTS
     if levels > 32 or layers == 0 or len(coding) < 10 + (levels + 1) * own:
         raise damaged("the JPEG 2000 coding contradicts itself")
-    if coding[6] + coding[7] + 4 < _LEAST_BLOCK:
+    if coding[6] + coding[7] + 4 < _MIN_BLOCK:
         raise unsupported("the JPEG 2000 code blocks are smaller than any encoder makes them")
     total = 0
     for resolution in range(levels + 1):

@@ -32,7 +32,7 @@ _STRIP_OFFSETS, _ORIENTATION, _SAMPLES, _STRIP_ROWS, _STRIP_BYTES, _PLANAR = 273
 _PREDICTOR, _COLOURS = 317, 320
 _TILE_WIDTH, _TILE_HEIGHT, _TILE_OFFSETS, _TILE_BYTES = 322, 323, 324, 325
 _EXTRA_SAMPLES, _SAMPLE_FORMAT, _JPEG_TABLES = 338, 339, 347
-_LEAST, _MOST, _SIGNED_LEAST, _SIGNED_MOST = _STATED = (280, 281, 340, 341)
+_MIN, _MAX, _SIGNED_MIN, _SIGNED_MAX = _STATED = (280, 281, 340, 341)
 """Smallest and largest value of a sample; where they are no whole numbers they say nothing here."""
 _DEEP, _FULL = 16, 65535
 _KNOWN = {
@@ -97,8 +97,8 @@ def tiff(data: bytes) -> Header:
 
 def _stated(tags: dict[int, tuple[int, ...]]) -> tuple[int, int] | None:
     """Least and largest value, where the file states the largest for all samples."""
-    highest = tags.get(_SIGNED_MOST) or tags.get(_MOST) or (0,)
-    lowest = tags.get(_SIGNED_LEAST) or tags.get(_LEAST) or (0,)
+    highest = tags.get(_SIGNED_MAX) or tags.get(_MAX) or (0,)
+    lowest = tags.get(_SIGNED_MIN) or tags.get(_MIN) or (0,)
     low, high = min(lowest), max(highest)
     return (low, high) if low < high <= _FULL else None
 

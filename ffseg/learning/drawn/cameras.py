@@ -12,7 +12,7 @@ from ffseg.learning.drawn.skins import AnyArray, colour
 
 Generator = np.random.Generator
 
-LONGEST = 380
+MAX_SIDE = 380
 """Pixels a side: about what the features are made at."""
 
 CLEAR_OF_CAMERA = 0.25
@@ -33,8 +33,8 @@ def perspective(rng: Generator, *, road: bool) -> Viewpoint:
     width = int(rng.integers(220, 400))
     shape = rng.choice([0.75, 0.5625, 0.6, 1.6], p=[0.6, 0.3, 0.1, 0] if road else [0.35, 0.35, 0.2, 0.1])
     height = int(width * shape)
-    if height > LONGEST:
-        width, height = int(width * LONGEST / height), LONGEST
+    if height > MAX_SIDE:
+        width, height = int(width * MAX_SIDE / height), MAX_SIDE
     focal = width * rng.uniform(0.5, 1.2) if width >= height else height * rng.uniform(0.5, 1)
     pitch, yaw = (rng.uniform(-0.03, 0.2), rng.normal(0, 0.1)) if road else (rng.uniform(0, 0.6), rng.normal(0, 0.3))
     roll = rng.normal(0, 0.02)

@@ -8,7 +8,7 @@ from copy import copy
 import cv2
 import numpy as np
 
-from ffseg.learning.drawn.cameras import LONGEST, developed
+from ffseg.learning.drawn.cameras import MAX_SIDE, developed
 from ffseg.learning.drawn.skins import AnyArray, colour, noise, tinted
 
 Generator = np.random.Generator
@@ -315,10 +315,10 @@ def _shapes(rng: Generator, shape: tuple[int, int]) -> AnyArray:
 
 def thing(rng: Generator, behind: Behind | None) -> tuple[AnyArray, AnyArray]:
     """A picture of one thing among others, (H, W, 3) bytes, and where it is; `behind` as `background` takes it."""
-    width = int(rng.integers(200, LONGEST))
+    width = int(rng.integers(200, MAX_SIDE))
     height = int(width * rng.choice([0.667, 0.75, 1, 1.5]))
-    if height > LONGEST:
-        width, height = int(width * LONGEST / height), LONGEST
+    if height > MAX_SIDE:
+        width, height = int(width * MAX_SIDE / height), MAX_SIDE
     on, image = Canvas(height, width), background(rng, (height, width), behind)
     light = np.array([rng.normal(0, 1), rng.normal(-0.8, 0.5), rng.uniform(0.5, 1.5)])
     light /= np.linalg.norm(light)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ffseg.learning.drawn.cameras import LONGEST, developed
+from ffseg.learning.drawn.cameras import MAX_SIDE, developed
 from ffseg.learning.drawn.figures import TEXTURE, Canvas, pelt
 from ffseg.learning.drawn.skins import AnyArray, colour, noise, tinted
 
@@ -56,9 +56,9 @@ ORGANS = Tiling(
 
 def canvas(rng: Generator, shapes: tuple[float, ...] = (0.667, 0.75, 1.0, 1.5)) -> Canvas:
     """An empty canvas of some size."""
-    width = int(rng.integers(200, LONGEST))
+    width = int(rng.integers(200, MAX_SIDE))
     height = int(width * rng.choice(shapes))
-    return Canvas(LONGEST, int(width * LONGEST / height)) if height > LONGEST else Canvas(height, width)
+    return Canvas(MAX_SIDE, int(width * MAX_SIDE / height)) if height > MAX_SIDE else Canvas(height, width)
 
 
 def parted(rng: Generator, kind: Tiling) -> tuple[AnyArray, AnyArray]:

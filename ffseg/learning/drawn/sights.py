@@ -31,7 +31,7 @@ STARTS = 2
 """Of each picture."""
 RADII = (4.0, 22.0)
 """px, of the starts."""
-LEAST_DEPTH = 7
+MIN_DEPTH = 7
 """px, of a thing that a start fits in."""
 
 
@@ -146,12 +146,12 @@ def seen_from_the_middle(scene: World, rng: Generator) -> World:
 
 def _seen(image: AnyArray, things: AnyArray, rng: Generator, kind: PictureKind) -> Iterator[Sight]:
     depth = _depth(things)
-    if depth.max() < LEAST_DEPTH:
+    if depth.max() < MIN_DEPTH:
         return
     least, most = kind.shares
     height, width = things.shape
     for number in range(STARTS):
-        deep = depth >= max(LEAST_DEPTH - 2, 0.35 * depth.max() if kind.alike else 0)
+        deep = depth >= max(MIN_DEPTH - 2, 0.35 * depth.max() if kind.alike else 0)
         if number == 0 and kind.afoot:
             deep[: int(0.75 * height)] = False
             deep[:, abs(np.arange(width) - width / 2) >= width / 4] = False

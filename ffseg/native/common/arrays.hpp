@@ -34,7 +34,7 @@ inline void require(bool holds, const char* what) {
 
 // Rows and columns of a plane or picture: at least one, at most so many of each.
 template <class Plane>
-Size size_of(const Plane& plane, std::size_t most = kMostSide) {
+Size size_of(const Plane& plane, std::size_t most = kMaxSide) {
     const std::size_t height = plane.shape(0), width = plane.shape(1);
     if (height < 1 || width < 1 || height > most || width > most) {
         throw std::invalid_argument("the image must have 1 to " + std::to_string(most) + " pixels a side");
@@ -58,7 +58,7 @@ inline const std::uint8_t* domain_of(const std::optional<Bytes>& domain, Size si
 
 // The picture in an array (H, W) or (H, W, C), which keeps it.
 template <class Image>
-Picture picture_of(const Image& image, std::size_t most_channels = kMostChannels) {
+Picture picture_of(const Image& image, std::size_t most_channels = kMaxChannels) {
     require(image.ndim() == 2 || image.ndim() == 3, "the image must be (H, W) or (H, W, C)");
     const std::size_t channels = image.ndim() == 3 ? image.shape(2) : 1;
     require(channels >= 1 && channels <= most_channels, "the image has no channels or too many");

@@ -8,8 +8,8 @@
 
 namespace ffseg {
 
-constexpr std::size_t kMostSide = 65535;  // places along a side are 16-bit numbers
-constexpr int kMostChannels = 3;
+constexpr std::size_t kMaxSide = 65535;  // places along a side are 16-bit numbers
+constexpr int kMaxChannels = 3;
 
 struct Size {
     int height = 0, width = 0;

@@ -45,7 +45,7 @@ void py_gradient(const Pixels& image, double sigma, Plane16 gradient, Plane8 rid
     const ffseg::Picture pixels = ffseg::picture_of(image, 4);
     ffseg::check_size(gradient, {pixels.height, pixels.width});
     ffseg::check_size(ridges, {pixels.height, pixels.width});
-    ffseg::require(sigma > 0 && sigma <= ffseg::edges::kMostSigma, "sigma is out of range");
+    ffseg::require(sigma > 0 && sigma <= ffseg::edges::kMaxSigma, "sigma is out of range");
     nb::gil_scoped_release release;
     ffseg::edges::gradient_and_ridges(pixels, ffseg::edges::gaussian(sigma), gradient.data(), ridges.data());
 }

@@ -76,12 +76,12 @@ std::size_t count_up_to(const std::uint16_t* values, std::size_t size, std::uint
 // The least value that more than half of the values do not exceed, found bit by bit; 0 of none.
 int median(const std::vector<std::uint16_t>& values) {
     // Most medians lie below the one, all gradients below the other, see gradient.hpp.
-    constexpr int kFirst = 64, kMost = 1 << 13;
+    constexpr int kFirst = 64, kMax = 1 << 13;
     const auto exceeded = [&](int limit) {  // by half of the values or more
         return 2 * count_up_to(values.data(), values.size(), static_cast<std::uint16_t>(limit)) <= values.size();
     };
     int step = kFirst;
-    while (step < kMost && exceeded(step - 1)) step *= 2;
+    while (step < kMax && exceeded(step - 1)) step *= 2;
     int below = -1;
     for (step /= 2; step > 0; step /= 2) {
         if (exceeded(below + step)) below += step;

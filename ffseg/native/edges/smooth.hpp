@@ -12,7 +12,7 @@ constexpr int kSmoothedBits = 5;
 constexpr int kAcrossBits = 7;
 
 // Beyond it the rounding terms of the two passes could carry a smoothed pixel over 32767 / 4.
-constexpr double kMostSigma = 32.0;
+constexpr double kMaxSigma = 32.0;
 
 // Weights of a Gaussian for the sums of two pixels k to the left and k to the right, in 1/65536; the first is for twice
 // the pixel itself. Together they are one half exactly, so that a plain surface stays as it is.

@@ -33,14 +33,14 @@ using Whole = ffseg::Array<const std::int32_t, nb::ndim<1>>;
 using Real = ffseg::Array<const float, nb::ndim<1>>;
 
 // Of planes that are flooded, pixels a side: costs of the longest shortest path stay below 2^32.
-constexpr std::size_t kMostFlooded = 4096;
+constexpr std::size_t kMaxFlooded = 4096;
 
 // The size of so many planes.
 template <class Planes>
 Size check_planes(const Planes& planes, std::size_t count) {
     require(planes.shape(0) == count, "there are more or fewer planes than this needs");
     const std::size_t height = planes.shape(1), width = planes.shape(2);
-    require(height > 0 && width > 0 && height <= ffseg::kMostSide && width <= ffseg::kMostSide,
+    require(height > 0 && width > 0 && height <= ffseg::kMaxSide && width <= ffseg::kMaxSide,
             "the planes must have 1 to 65535 pixels a side");
     return {static_cast<int>(height), static_cast<int>(width)};
 }
@@ -95,7 +95,7 @@ void py_enlarge(const InPlane& plane, int factor, int stride, OutPlane out) {
 void py_blur(const InPlane& plane, double sigma, OutPlane out) {
     const Size size = size_of(plane);
     check_size(out, size);
-    require(sigma > 0 && sigma <= evidence::kWidestBlur, "sigma is out of range");
+    require(sigma > 0 && sigma <= evidence::kMaxBlur, "sigma is out of range");
     nb::gil_scoped_release release;
     evidence::blur(plane.data(), size, sigma, out.data());
 }
@@ -104,7 +104,7 @@ template <auto look, int planes>
 void py_look(const InPlanes& lab, double sigma, OutPlanes out) {
     const Size size = check_planes(lab, 3);
     check_planes(out, planes, size);
-    require(sigma > 0 && 2 * sigma <= evidence::kWidestBlur, "sigma is out of range");
+    require(sigma > 0 && 2 * sigma <= evidence::kMaxBlur, "sigma is out of range");
     nb::gil_scoped_release release;
     look(lab.data(), size, sigma, out.data());
 }
@@ -144,7 +144,7 @@ void py_diffuse(const InPlane& values, const InPlanes& lab, double kept, double 
 }
 
 void py_barrier(const InPlane& heights, const Bytes& inside, double step, OutPlanes out) {
-    const Size size = size_of(heights, kMostFlooded);
+    const Size size = size_of(heights, kMaxFlooded);
     check_planes(out, evidence::kBarrierPlanes, size);
     check_size(inside, size);
     check_step(step);
@@ -153,7 +153,7 @@ void py_barrier(const InPlane& heights, const Bytes& inside, double step, OutPla
 }
 
 void py_geodesic(const InPlane& heights, const Bytes& inside, double step, int least, OutPlane out) {
-    const Size size = size_of(heights, kMostFlooded);
+    const Size size = size_of(heights, kMaxFlooded);
     check_size(inside, size);
     check_size(out, size);
     check_step(step);

@@ -105,16 +105,16 @@ std::vector<std::uint16_t> stepped(const float* heights, std::size_t count, doub
     const float scale = static_cast<float>(1 / step);
     for (std::size_t i = 0; i < count; ++i) {
         const float level = heights[i] * scale + 0.5F;
-        levels[i] = static_cast<std::uint16_t>(!(level > 0)        ? 0
-                                               : level >= kHighest ? kHighest
-                                                                   : static_cast<int>(level));
+        levels[i] = static_cast<std::uint16_t>(!(level > 0)         ? 0
+                                               : level >= kMaxLevel ? kMaxLevel
+                                                                    : static_cast<int>(level));
     }
     return levels;
 }
 
 void barrier(const std::uint16_t* heights, const std::uint8_t* inside, Size size, std::uint16_t* out) {
     Bordered<std::uint16_t> found(size, 0), high(size, 0);
-    Buckets buckets(kHighest + 1, found.count());
+    Buckets buckets(kMaxLevel + 1, found.count());
     high.each([&](std::uint16_t& height, std::size_t plain, int) { height = heights[plain]; });
     found.each([&](std::uint16_t& value, std::size_t plain, int at) {
         value = inside[plain] != 0 ? 0 : kUnseen;
@@ -141,7 +141,7 @@ void barrier(const std::uint16_t* heights, const std::uint8_t* inside, Size size
         }
     });
     found.each([&](std::uint16_t value, std::size_t plain, int) {
-        out[plain] = value == kUnseen ? static_cast<std::uint16_t>(kHighest) : value;  // there is no start
+        out[plain] = value == kUnseen ? static_cast<std::uint16_t>(kMaxLevel) : value;  // there is no start
     });
 }
 
@@ -150,18 +150,18 @@ void barrier_planes(const float* heights, const std::uint8_t* inside, Size size,
     const std::vector<std::uint16_t> levels = stepped(heights, count, step);
     std::vector<std::uint16_t> barriers(count);
     barrier(levels.data(), inside, size, barriers.data());
-    std::vector<std::size_t> pixels(kHighest + 1);
+    std::vector<std::size_t> pixels(kMaxLevel + 1);
     for (const std::uint16_t one : barriers) ++pixels[one];
     constexpr int kClasses = 10;  // a factor of e
     const double unit = median_inside(levels, inside);
     const auto class_of = [&](int level) { return static_cast<std::size_t>(kClasses * std::log(2.0 * level + 1)); };
-    std::vector<std::size_t> alike(class_of(kHighest) + 1);
+    std::vector<std::size_t> alike(class_of(kMaxLevel) + 1);
     std::vector<int> present;
-    for (int level = 0; level <= kHighest; ++level) {
+    for (int level = 0; level <= kMaxLevel; ++level) {
         if (pixels[static_cast<std::size_t>(level)] > 0) present.push_back(level);
     }
     for (const int level : present) alike[class_of(level)] += pixels[static_cast<std::size_t>(level)];
-    std::vector<float> table(static_cast<std::size_t>(kHighest + 1) * kBarrierPlanes);
+    std::vector<float> table(static_cast<std::size_t>(kMaxLevel + 1) * kBarrierPlanes);
     const double share = 1.0 / static_cast<double>(count);
     std::size_t below = 0;
     for (const int level : present) {

@@ -7,9 +7,9 @@
 namespace ffseg::evidence {
 
 // Heights are counted in steps up to this many; what is higher counts as this high.
-constexpr int kHighest = 4095;
+constexpr int kMaxLevel = 4095;
 
-// The nearest whole number of steps, from 0 to `kHighest`.
+// The nearest whole number of steps, from 0 to `kMaxLevel`.
 std::vector<std::uint16_t> stepped(const float* heights, std::size_t count, double step);
 
 // The barrier: the smallest possible maximum of `heights` along a path between the four-connected pixels from the start

@@ -55,13 +55,13 @@ private:
             if (leaf >= arrays_.leaves || seen_leaves_[leaf]) refuse("a leaf is absent or has two places");
             seen_leaves_[leaf] = true;
             leaves_.push_back(leaf);
-            if (leaves_.size() > kMostLeaves) refuse("a tree has more than 32 leaves");
+            if (leaves_.size() > kMaxLeaves) refuse("a tree has more than 32 leaves");
             return;
         }
         const std::size_t node = static_cast<std::size_t>(child);
         if (node >= arrays_.nodes || seen_nodes_[node]) refuse("a node is absent or has two places");
         seen_nodes_[node] = true;
-        if (++depth_ >= kMostLeaves) refuse("a tree has more than 32 leaves");
+        if (++depth_ >= kMaxLeaves) refuse("a tree has more than 32 leaves");
         const std::size_t first = leaves_.size();
         visit(arrays_.left[node], split);
         split(node, first, leaves_.size());
@@ -207,7 +207,7 @@ Forest::Forest(const ForestArrays& arrays, int features) : features_(features) {
         for (const std::size_t leaf : walk.run(arrays.root[tree], split)) values_.push_back(arrays.value[leaf]);
     }
     first_split_.push_back(splits_.size());
-    values_.resize(values_.size() + kMostLeaves);  // so that as many can be read from any tree's first on
+    values_.resize(values_.size() + kMaxLeaves);  // so that as many can be read from any tree's first on
     const bool all_nodes = std::find(seen_nodes.begin(), seen_nodes.end(), false) == seen_nodes.end();
     const bool all_leaves = std::find(seen_leaves.begin(), seen_leaves.end(), false) == seen_leaves.end();
     if (!all_nodes || !all_leaves) refuse("a node or a leaf belongs to no tree");

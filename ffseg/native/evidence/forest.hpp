@@ -8,7 +8,7 @@
 namespace ffseg::evidence {
 
 // The leaves a tree may have: the leaves that a pixel can still reach are the bits of one number.
-constexpr int kMostLeaves = 32;
+constexpr int kMaxLeaves = 32;
 
 // Nodes as they are read, all trees one after the other. A child is a node by its index, or a leaf k as -1 - k.
 struct ForestArrays {
@@ -33,7 +33,7 @@ struct ForestSplit {
 class Forest {
 public:
     // Throws std::invalid_argument where an index is out of range, a number is not finite, a node or leaf has not
-    // exactly one place in the trees (so that there are no loops), or a tree has more leaves than `kMostLeaves`.
+    // exactly one place in the trees (so that there are no loops), or a tree has more leaves than `kMaxLeaves`.
     Forest(const ForestArrays& arrays, int features);
 
     int features() const { return features_; }

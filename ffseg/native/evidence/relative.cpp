@@ -52,7 +52,7 @@ void compare(const float* lab, const float* mean, const float* scale, std::size_
 }
 
 constexpr int kLight = 24, kColour = 20, kBins = kLight * kColour * kColour;
-constexpr float kFarthestColour = 50.0F;  // of a and b either way; what is beyond counts as there
+constexpr float kMaxColour = 50.0F;  // of a and b either way; what is beyond counts as there
 constexpr double kEmpty = 1e-6;           // share of a colour that was never seen
 
 using Histogram = std::vector<double>;
@@ -66,8 +66,8 @@ void find_bins(const float* light, const float* red, const float* blue, std::siz
     FFSEG_APART
     for (std::size_t i = 0; i < count; ++i) {
         const int l = bin_of(light[i], 0, 100, kLight);
-        const int a = bin_of(red[i], -kFarthestColour, 2 * kFarthestColour, kColour);
-        const int b = bin_of(blue[i], -kFarthestColour, 2 * kFarthestColour, kColour);
+        const int a = bin_of(red[i], -kMaxColour, 2 * kMaxColour, kColour);
+        const int b = bin_of(blue[i], -kMaxColour, 2 * kMaxColour, kColour);
         bins[i] = (l * kColour + a) * kColour + b;
     }
 }

@@ -34,7 +34,7 @@ void check(const ffseg::freeform::EvolutionOptions& o) {
                    "an evolution option is out of range");
 }
 
-constexpr std::int32_t kMostCells = 4096;  // a side of a plane: 2 MB as bits
+constexpr std::int32_t kMaxCells = 4096;  // a side of a plane: 2 MB as bits
 
 // Holds the evolution, and the image it goes on looking at: edge map and domain are read while it is made.
 struct PyEvolution {
@@ -69,7 +69,7 @@ struct PyEvolution {
             const std::int32_t cell = cells.data()[at];
             if (cell >= 0) last = std::max({last, cell >> 16, cell & 0xffff});
         }
-        ffseg::require(last < kMostCells, "the plane has more than 4096 cells a side");
+        ffseg::require(last < kMaxCells, "the plane has more than 4096 cells a side");
         return {cells.data(), last + 1};
     }
 

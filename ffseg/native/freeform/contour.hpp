@@ -19,7 +19,7 @@ namespace ffseg::freeform {
 
 // A step is at most this part of the split threshold: where patches are shorter than a step, fronts pass over each
 // other before they are seen to cross.
-constexpr double kLongestStep = 0.5;
+constexpr double kMaxStep = 0.5;
 // Patches are not split below this distance between samples.
 constexpr double kMinSpacing = 0.5;
 // Patches near edges shorter than this per sample are pruned.
@@ -51,7 +51,7 @@ struct Memory {
 struct Effort {
     mutable std::size_t visits = 0;
     std::size_t most = 0;
-    std::size_t work = 0;  // patches moved or looked at closely; kMostVisits visits count as one
+    std::size_t work = 0;  // patches moved or looked at closely; kMaxVisits visits count as one
     std::size_t asked = 0;  // in one iteration, whether a loop is nested
     bool unresolved = false;  // polygons crossed in this iteration that no flip has parted
 };
@@ -89,7 +89,7 @@ public:
         : options(given), field(edges, domain, height, width) {
         memory.reached.resize(field.num_tiles());
         this->reserve(static_cast<std::size_t>(height + width) / kPixelsToAPatch);
-        options.balloon = std::min(options.balloon, kLongestStep * options.split_threshold);
+        options.balloon = std::min(options.balloon, kMaxStep * options.split_threshold);
         for (std::size_t c = 0; c + 1 < starts.offsets.size(); ++c) {
             add(starts.points.data() + starts.offsets[c], starts.offsets[c + 1] - starts.offsets[c]);
         }

@@ -22,9 +22,9 @@ namespace {
 using settling::Samples;
 
 // Patches there may be beside one for every 16 pixels: more only come from a contour that runs over itself for ever.
-constexpr int kMostPatches = 1000;
+constexpr int kExtraPatches = 1000;
 // A front at rest is asked again so often whether the colours it has swept since let it on.
-constexpr int kMostRounds = 32;
+constexpr int kMaxRounds = 32;
 
 // The loop of Algorithm 4, which begins with a contour that needs no split or flip yet. True while the contour moves.
 template <int D>
@@ -35,7 +35,7 @@ bool evolve(Contour<D>& contour) {
     hold_at_edges(contour);           // nothing enters an edge (Section 3.2)
     split_and_prune(contour);         // split and insert (Algorithm 2)
     if (contour.options.topology) topology::flip_crossings(contour);  // flip (Algorithm 3)
-    contour.effort.work += (contour.effort.visits + contour.order.size()) / topology::kMostVisits;
+    contour.effort.work += (contour.effort.visits + contour.order.size()) / topology::kMaxVisits;
     resting::bring_to_rest(contour);  // what has converged moves no more
     contour.reclaim();
     return !contour.active.empty();
@@ -59,7 +59,7 @@ public:
     Evolving(const ContourSet& starts, const std::uint8_t* edges, const std::uint8_t* domain, int height, int width,
              const EvolutionOptions& options, const Picture& colours)
         : contour_(starts, edges, domain, height, width, options),
-          most_patches_(kMostPatches + height * (width / 16) + static_cast<int>(starts.points.size())) {
+          most_patches_(kExtraPatches + height * (width / 16) + static_cast<int>(starts.points.size())) {
         double area = 0.0;
         for (int component : contour_.components()) area += topology::component_area(contour_, component);
         contour_.outside_filled = area < 0;
@@ -135,7 +135,7 @@ private:
 
     // A front that the colours hold is asked again by all that it has swept since. Says whether any patch was woken.
     bool wake_anew() {
-        if (contour_.pressure == nullptr || rounds_ == kMostRounds) return false;
+        if (contour_.pressure == nullptr || rounds_ == kMaxRounds) return false;
         ++rounds_;
         fit_pressure();
         contour_.memory.retried.clear();

@@ -14,7 +14,7 @@ namespace ffseg::freeform {
 // space where none has been, so that it comes to rest.
 constexpr std::uint8_t kSplitBudget = 24;
 // One that oscillates near edges is reductions so often, then split or held.
-constexpr std::uint8_t kMostReductions = 5;
+constexpr std::uint8_t kMaxReductions = 5;
 
 template <int D>
 struct Patch {

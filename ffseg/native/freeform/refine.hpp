@@ -181,8 +181,8 @@ FFSEG_INLINE void damp(Contour<D>& contour, int i, double size) {
     if (D <= 2 || !oscillates(contour, i, size)) return;
     reduce_degree(contour, i);
     Patch<D>& patch = contour[i];
-    if (patch.near_edges && patch.reductions < kMostReductions) ++patch.reductions;
-    if (patch.reductions < kMostReductions) return;
+    if (patch.near_edges && patch.reductions < kMaxReductions) ++patch.reductions;
+    if (patch.reductions < kMaxReductions) return;
     if (patch.budget > 0 && contour.splittable(i)) {
         patch.reductions = 0;
         patch.wants_split = true;

@@ -29,7 +29,7 @@ struct Options {
 };
 
 void check(const Options& o) {
-    ffseg::require(o.degree >= 1 && o.degree <= paper::kMostDegree && o.split_threshold >= 1 &&
+    ffseg::require(o.degree >= 1 && o.degree <= paper::kMaxPatchDegree && o.split_threshold >= 1 &&
                        o.split_threshold <= 1e6 && std::abs(o.balloon) <= 1e3 && o.max_iterations >= 0 &&
                        o.exponent >= 1 && o.exponent <= 64 && o.sigma > 0 && o.sigma <= 1e3,
                    "an option of the paper's method is out of range");

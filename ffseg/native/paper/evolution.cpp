@@ -10,7 +10,7 @@ namespace {
 constexpr double kScale = 32.0;              // units of the stored gradient per grey level and pixel
 constexpr double kSteady = 0.1;              // px; a sample that moves less has reached its steady state
 constexpr std::size_t kShareMoving = 100;    // "almost all": at most one sample in so many still moves
-constexpr std::size_t kMostPatches = 20000;  // what crosses itself everywhere grows without end
+constexpr std::size_t kMaxPatches = 20000;  // what crosses itself everywhere grows without end
 
 // How far the sample moves along its unit normal.
 double speed(const Field& field, const Force& force, Vec2 at, Vec2 normal) {
@@ -118,7 +118,7 @@ bool Evolution::advance(int iterations) {
         const Moved result = step();
         if (result.moved * kShareMoving <= result.samples) {
             stop_ = Stop::kConverged;
-        } else if (contour_.num_patches() > kMostPatches) {
+        } else if (contour_.num_patches() > kMaxPatches) {
             stop_ = Stop::kMaxPatches;
         } else if (contour_.is_spent()) {
             stop_ = Stop::kBudget;

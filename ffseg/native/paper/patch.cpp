@@ -15,7 +15,7 @@ double bernstein(int degree, int i, double t) {  // Eq. 2
 }  // namespace
 
 Basis::Basis(int degree) : degree_(degree) {
-    std::array<std::array<double, kMostDegree + 1>, kMostDegree + 1> v{};  // Eq. 5
+    std::array<std::array<double, kMaxPatchDegree + 1>, kMaxPatchDegree + 1> v{};  // Eq. 5
     for (int k = 0; k <= degree; ++k) {
         for (int i = 0; i <= degree; ++i) v[k][i] = bernstein(degree, i, static_cast<double>(k) / degree);
         inverse_[k][k] = 1.0;

@@ -7,8 +7,8 @@
 
 namespace ffseg::paper {
 
-constexpr int kMostDegree = 6;
-using Patch = std::array<Vec2, kMostDegree + 1>;  // P_0 .. P_d, or M_0 .. M_d; what lies beyond d is not used
+constexpr int kMaxPatchDegree = 6;
+using Patch = std::array<Vec2, kMaxPatchDegree + 1>;  // P_0 .. P_d, or M_0 .. M_d; what lies beyond d is not used
 
 // What one degree needs: V^-1 is computed once (Lemma 1).
 class Basis {
@@ -26,7 +26,7 @@ public:
 
 private:
     int degree_;
-    std::array<std::array<double, kMostDegree + 1>, kMostDegree + 1> inverse_{};
+    std::array<std::array<double, kMaxPatchDegree + 1>, kMaxPatchDegree + 1> inverse_{};
 };
 
 }  // namespace ffseg::paper

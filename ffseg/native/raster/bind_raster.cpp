@@ -19,7 +19,7 @@ using ffseg::Points;
 using Mask = ffseg::Array<std::uint8_t, nb::ndim<2>>;
 
 // Beyond this, sums of products in the exact side test would overflow.
-constexpr double kFarthest = 1e100;
+constexpr double kMaxCoordinate = 1e100;
 
 void check_contours(const Indices& offsets, const Indices& degrees, std::size_t count) {
     const std::size_t contours = degrees.shape(0);
@@ -50,7 +50,7 @@ std::vector<ffseg::raster::Edge> edges_of(const std::vector<ffseg::Vec2>& contro
 std::vector<ffseg::Vec2> checked_contours(const Points& points, const Indices& offsets, const Indices& degrees,
                                           double tolerance) {
     ffseg::require(tolerance >= 1e-6, "the tolerance must be at least 1e-6 pixel");
-    std::vector<ffseg::Vec2> control = ffseg::points_of(points, kFarthest);
+    std::vector<ffseg::Vec2> control = ffseg::points_of(points, kMaxCoordinate);
     check_contours(offsets, degrees, control.size());
     return control;
 }

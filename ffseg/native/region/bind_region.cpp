@@ -11,7 +11,7 @@ using ffseg::Colours;
 using ffseg::Indices;
 using ffseg::Points;
 
-constexpr double kFarthest = 1e100;  // beyond it, products in the exact side test would overflow
+constexpr double kMaxCoordinate = 1e100;  // beyond it, products in the exact side test would overflow
 
 // The pressure by colour on its own, for tests: an evolution makes its own one.
 struct PyPressure {
@@ -29,7 +29,7 @@ struct PyPressure {
 
     void fit(const Points& points, const Indices& offsets, int degree, bool closes_in) {
         ffseg::require(degree >= 1 && degree <= ffseg::raster::kMaxDegree, "the degree must be 1 to 6");
-        const std::vector<ffseg::Vec2> control = ffseg::points_of(points, kFarthest);
+        const std::vector<ffseg::Vec2> control = ffseg::points_of(points, kMaxCoordinate);
         const std::vector<std::size_t> ends = ffseg::patch_ends_of(offsets, control.size(), degree);
         pressure.fit({control, ends, degree}, closes_in);
     }

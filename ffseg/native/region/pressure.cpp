@@ -16,7 +16,7 @@ constexpr int kNarrowest = 2;
 // Pixels seen: how far an edge may leave its curve.
 constexpr double kTolerance = 0.1;
 // Fewer on a side say nothing.
-constexpr double kFewest = 8.0;
+constexpr double kMinPixels = 8.0;
 // Grey levels squared, added to each variance: a start on a region of one colour must not be stopped by the next shade.
 constexpr double kFloor = 9.0;
 
@@ -31,7 +31,7 @@ struct Gaussian {
 Gaussian gaussian(const Totals& totals, int channels) {
     Gaussian found;
     found.count = static_cast<double>(totals[0]);
-    if (found.count < kFewest) return found;
+    if (found.count < kMinPixels) return found;
     double m[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
     for (int c = 0; c < channels; ++c) found.mean[c] = static_cast<double>(totals[1 + c]) / found.count;
     std::size_t next = 1 + static_cast<std::size_t>(channels);
@@ -184,7 +184,7 @@ void Pressure::fit(const Outlines& contours, bool closes_in) {
     const auto fitted = [&](const Totals& within, Totals outside, const LogOdds& unless) {
         for (std::size_t i = 0; i < within.size(); ++i) outside[i] -= within[i];
         const Gaussian one = gaussian(within, picture_.channels), other = gaussian(outside, picture_.channels);
-        if (one.count < kFewest || other.count < kFewest) return unless;
+        if (one.count < kMinPixels || other.count < kMinPixels) return unless;
         return closes_in ? log_odds(other, one, weight_) : log_odds(one, other, weight_);
     };
     const LogOdds whole = fitted(sum(inside), sum(all_), {});

@@ -59,7 +59,7 @@ void edges(Random& random) {
     const std::vector<std::uint8_t> image = draw_bytes(random, size.count() * static_cast<std::size_t>(channels));
     const ffseg::Picture view{image.data(), size.height, size.width, channels};
     const double sigma =
-        random.pick({0.01, 0.5, 1.5, 1.5, 4.0, 20.0, ffseg::edges::kMostSigma, random.scale(1e-3, 32.0)});
+        random.pick({0.01, 0.5, 1.5, 1.5, 4.0, 20.0, ffseg::edges::kMaxSigma, random.scale(1e-3, 32.0)});
     std::vector<std::uint16_t> gradient(size.count(), 65535);
     std::vector<std::uint8_t> out(size.count(), 7);
     ffseg::edges::gradient_and_ridges(view, ffseg::edges::gaussian(sigma), gradient.data(), out.data());

@@ -193,7 +193,7 @@ void interest(Random& random) {
 void path_text(Random& random) {
     const int degree = random.among(1, 3);
     const int patches = random.once_in(50) ? random.among(1, 500) : random.among(1, 12);
-    const std::vector<Vec2> points = draw_points(random, {600, 800}, patches * degree, ffseg::text::kLargestWritten);
+    const std::vector<Vec2> points = draw_points(random, {600, 800}, patches * degree, ffseg::text::kMaxWritten);
     const std::string text = ffseg::text::path_text(points, degree);
     const auto written = [](char c) { return std::string(" ,-.0123456789MLQCZ").find(c) != std::string::npos; };
     expect(std::all_of(text.begin(), text.end(), written), "a character that is none of a path");

@@ -20,12 +20,12 @@ using PlaneF = ffseg::Array<const double, nb::ndim<2>>;
 using Table = ffseg::Array<const double, nb::shape<65536>>;
 
 // Beyond it the square of a slowness or the sum of two times could overflow.
-constexpr double kFastest = 1e100, kSlowest = 1e-100;
+constexpr double kMaxSpeed = 1e100, kMinSpeed = 1e-100;
 
-constexpr std::size_t kMostMarched = 32767;
+constexpr std::size_t kMaxMarched = 32767;
 
 template <class Plane>
-ffseg::marching::Grid grid_of(const Plane& plane, std::size_t most = kMostMarched) {
+ffseg::marching::Grid grid_of(const Plane& plane, std::size_t most = kMaxMarched) {
     const ffseg::Size size = ffseg::size_of(plane, most);
     const ffseg::marching::Grid grid{size.height, size.width};
     if (grid.size() > std::size_t{std::numeric_limits<std::int32_t>::max()}) {
@@ -40,8 +40,8 @@ std::vector<double> slowness_of(const ffseg::marching::Grid& grid, const double*
     for (int y = 0; y < grid.height; ++y) {
         double* row = slowness.data() + grid.node(0, y);
         for (int x = 0; x < grid.width; ++x, ++speed) {
-            if (!(*speed >= 0 && *speed <= kFastest)) throw std::invalid_argument("a speed is negative or not finite");
-            if (*speed > std::max(stop, kSlowest)) row[x] = 1.0 / *speed;
+            if (!(*speed >= 0 && *speed <= kMaxSpeed)) throw std::invalid_argument("a speed is negative or not finite");
+            if (*speed > std::max(stop, kMinSpeed)) row[x] = 1.0 / *speed;
         }
     }
     return slowness;
@@ -99,7 +99,7 @@ nb::tuple py_level_set(const Words& gradient, const Table& slowness, const Bytes
                    "a level set option is out of range");
     for (int level = 0; level < 65536; ++level) {
         const double value = slowness.data()[level];
-        const bool fits = level < options.stop ? value >= kSlowest && value <= kFastest : std::isinf(value);
+        const bool fits = level < options.stop ? value >= kMinSpeed && value <= kMaxSpeed : std::isinf(value);
         if (!fits) throw std::invalid_argument("the slowness must be finite below `stop` and infinite from there on");
     }
     ffseg::levelset::LevelSetResult result;
@@ -122,7 +122,7 @@ nb::tuple py_level_set(const Words& gradient, const Table& slowness, const Bytes
 }
 
 nb::tuple py_outlines(const Bytes& mask) {
-    const ffseg::marching::Grid grid = grid_of(mask, ffseg::kMostSide);
+    const ffseg::marching::Grid grid = grid_of(mask, ffseg::kMaxSide);
     std::vector<double> flat;
     std::vector<std::int64_t> ends{0};
     {

@@ -7,10 +7,10 @@ namespace ffseg::snake {
 // The factors are what Cholesky's recursion on the endless band settles at.
 CyclicSystem::CyclicSystem(double tension, double rigidity) {
     const double diagonal = 1.0 + 2.0 * tension + 6.0 * rigidity, beside = -tension - 4.0 * rigidity;
-    constexpr int kLongest = 100000;  // reached by no weights up to 1000, where it takes about a thousand rows
+    constexpr int kMaxRows = 100000;  // reached by no weights up to 1000, where it takes about a thousand rows
     double before = diagonal;
     scale_ = diagonal;
-    for (int row = 0; row < kLongest; ++row) {
+    for (int row = 0; row < kMaxRows; ++row) {
         const double far = rigidity / before, near = (beside - rigidity * near_) / scale_;
         const double pivot = diagonal - near * near * scale_ - far * far * before;
         const bool settled = pivot == scale_ && near == near_ && far == far_;
@@ -22,7 +22,7 @@ CyclicSystem::CyclicSystem(double tension, double rigidity) {
     }
     constexpr double kForgotten = 1e-18;  // of a start: below half a unit in the last place of what it is added to
     double last = 1.0, now = 1.0;
-    while (std::abs(last) + std::abs(now) > kForgotten && warm_ < kLongest) {
+    while (std::abs(last) + std::abs(now) > kForgotten && warm_ < kMaxRows) {
         const double next = -near_ * now - far_ * last;
         last = now;
         now = next;

@@ -14,7 +14,7 @@ constexpr int kZoneReach = 2;
 constexpr double kMaxAttraction = 1.0;
 // No point moves farther (px) in one iteration, as stiff internal forces on far points would have it: every pixel that
 // a stretch crosses is marked.
-constexpr double kMostMove = 64.0;
+constexpr double kMaxMove = 64.0;
 // Steps (px) in which a way is looked along: finer than the pixels that are looked at.
 constexpr double kFine = 0.5;
 // The balloon keeps this far (px) from pixels the snake has swept; its own last pixel reaches 0.7 px ahead of it.
@@ -22,8 +22,8 @@ constexpr double kContact = 1.5;
 // The snake has converged when for kQuiet iterations all but this share of its points moved less than the tolerance.
 constexpr double kRestless = 0.02;
 constexpr int kQuiet = 5;
-constexpr std::size_t kFewest = 5;
-constexpr std::size_t kMost = 1u << 20;
+constexpr std::size_t kMinPoints = 5;
+constexpr std::size_t kMaxPoints = 1u << 20;
 
 template <class Mark>
 void each_pixel_near(Vec2 at, double radius, int height, int width, Mark mark) {
@@ -89,11 +89,11 @@ bool Snake::advance(int most) {
 }
 
 void Snake::step() {
-    if (points_.size() < kFewest) {
+    if (points_.size() < kMinPoints) {
         stop_ = Stop::kVanished;
         return;
     }
-    if (points_.size() >= kMost) {
+    if (points_.size() >= kMaxPoints) {
         stop_ = Stop::kMaxPoints;
         return;
     }
@@ -184,10 +184,10 @@ Vec2 Snake::gradient(Vec2 p, double& level) const {
     return slope;
 }
 
-// The last place inside the domain on the straight way, at most kMostMove away.
+// The last place inside the domain on the straight way, at most kMaxMove away.
 Vec2 Snake::move(Vec2 from, Vec2 to) const {
     const double wanted = norm(to - from);
-    to = field_.clamp(wanted > kMostMove ? from + (kMostMove / wanted) * (to - from) : to);
+    to = field_.clamp(wanted > kMaxMove ? from + (kMaxMove / wanted) * (to - from) : to);
     if (field_.domain == nullptr) return to;
     const double length = norm(to - from);
     Vec2 last = from;

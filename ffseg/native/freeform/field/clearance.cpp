@@ -18,7 +18,7 @@ constexpr double kBeyond = 1.0;
 constexpr double kBeside = 1.5;
 // Of a footprint's radius: ground that not even so small a disc can cover is closed, wherever it lies. Squares of a box
 // that have the floor's grey are narrower than that, the ground between two marks is not.
-constexpr double kLeast = 0.5;
+constexpr double kMinRadiusFraction = 0.5;
 
 // The zero bytes of a row, or the others, as bits.
 void add_bytes(const std::uint8_t* bytes, int count, bool zero, Bitmap::Word* bits) {
@@ -122,7 +122,7 @@ bool Field::close_passages(const std::uint8_t* edges, const std::vector<Vec2>& s
     roomy.remove(reached);
     roomy.keep(free);
     Bitmap shut = roomy.flooded(free);
-    if (mapped) shut.add(uncovered(plane, thin, width(), std::max(kLeast * radius, 0.0), free));
+    if (mapped) shut.add(uncovered(plane, thin, width(), std::max(kMinRadiusFraction * radius, 0.0), free));
     if (shut.empty()) return true;
     for_pixels(shut, [&](int x, int y) { cells_.blocked[cells_.at(x, y)] = kEdge; });
     std::vector<std::uint8_t> occupied(cells_.tiles_x * cells_.tiles_y);

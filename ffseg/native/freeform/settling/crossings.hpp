@@ -13,7 +13,7 @@ namespace ffseg::settling {
 // Pairs of patches tested in all, to a patch; few patches share what kFewPieces may have. To each degree a fine test
 // of two patches or of one counts as so many, one at their joint as kJointTests. A settled contour needs two or three a
 // round; what runs over itself everywhere is not worth more.
-constexpr std::size_t kMostTests = 128, kFewPieces = 1024, kFineTests = 128, kOwnTests = 64, kJointTests = 32;
+constexpr std::size_t kMaxTests = 128, kFewPieces = 1024, kFineTests = 128, kOwnTests = 64, kJointTests = 32;
 // Curves nearer to each other than this touch, as far as anyone can draw them.
 constexpr double kTouch = 0.01;
 // Outlines that lie so near to their curves show where these cross.
@@ -59,7 +59,7 @@ public:
     const std::vector<Place>& places() const { return places_; }
     // Pairs of one component that cross each other.
     const std::vector<std::pair<Place, Place>>& loops() const { return loops_; }
-    bool exhausted() const { return tests_ > kMostTests * (pieces_.size() + kFewPieces); }
+    bool exhausted() const { return tests_ > kMaxTests * (pieces_.size() + kFewPieces); }
     void restart() { tests_ = 0; }
 
 private:

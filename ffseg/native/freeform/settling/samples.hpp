@@ -20,7 +20,7 @@ using freeform::kBasis;
 using freeform::kOscillation;
 
 // Samples nearer to each other say nothing new.
-constexpr double kClosest = 0.5;
+constexpr double kMinSampleDistance = 0.5;
 
 // One component as its samples in order, D to a patch.
 using Samples = std::vector<Vec2>;
@@ -38,7 +38,7 @@ std::array<Vec2, D + 1> patch_of(const Samples& component, std::size_t first) {
 inline void tidy(Samples& at) {
     Samples kept;
     for (const Vec2 p : at) {
-        if (!kept.empty() && norm2(p - kept.back()) < kClosest * kClosest) continue;
+        if (!kept.empty() && norm2(p - kept.back()) < kMinSampleDistance * kMinSampleDistance) continue;
         if (kept.size() >= 2) {
             const Vec2 a = kept.back() - kept[kept.size() - 2], b = p - kept.back();
             if (dot(a, b) < -0.5 * norm(a) * norm(b) && norm2(a) < 4.0 && norm2(b) < 4.0) kept.pop_back();

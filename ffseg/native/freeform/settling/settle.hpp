@@ -23,7 +23,7 @@ constexpr int kRidgeRounds = 3;
 constexpr double kBent = 0.8;
 // Where the curve bends away from the polygon of its samples by more than this part of the reach, the new samples
 // follow the curve: from the polygon the ridge is out of reach.
-constexpr double kMostBend = 0.5;
+constexpr double kMaxBend = 0.5;
 // Distance between the samples of a settled contour: two scales of the smoothing, below which edges have no detail.
 constexpr double kSettledSpacing = 3.0;
 // Normals are taken across this distance to either side, over the jitter of samples stopped by a pixel staircase.
@@ -39,7 +39,7 @@ public:
     Samples run(Samples samples, bool refine, double spacing, int& splits) {
         at_ = std::move(samples);
         if (refine) {
-            at_ = with_bends<D>(at_, kMostBend * reach_);
+            at_ = with_bends<D>(at_, kMaxBend * reach_);
             lay_out<D>(at_, std::min(spacing, kSettledSpacing));
         }
         take_all();
@@ -206,7 +206,7 @@ private:
         }
         if (bend < kBent * kBent) return false;
         for (std::size_t k = 0; k < D; ++k) {
-            if (norm2(points[k + 1] - points[k]) < 4 * kClosest * kClosest) continue;
+            if (norm2(points[k + 1] - points[k]) < 4 * kMinSampleDistance * kMinSampleDistance) continue;
             const Vec2 tangent = unit(apply<D>(kBasis<D>.between_slope[k][kHalf], points));
             const Vec2 middle = apply<D>(kBasis<D>.between[k][kHalf], points);
             const double off = ridge_.climb(middle, {tangent.y, -tangent.x}, 0.0, -0.5 * reach_, 0.5 * reach_);

@@ -18,9 +18,9 @@ constexpr int kDivideRound = 16;
 // A component of at most so many samples that is still wound up then is replaced by its convex hull.
 constexpr std::size_t kSmallComponent = 64;
 // In one round loops are cut until so many times the samples there are have been laid anew.
-constexpr std::size_t kMostLaid = 64;
+constexpr std::size_t kMaxLaid = 64;
 // Parts of fewer patches are no components.
-constexpr std::size_t kLeastPatches = 2;
+constexpr std::size_t kMinPatches = 2;
 // Pixels drawn back along the normal in each round.
 constexpr double kDrawBack = 0.25;
 
@@ -120,14 +120,14 @@ private:
         for (const auto& [from, to] : crossings_.loops()) {
             const std::size_t n = components_[from.component].size(),
                               span = from.first < to.first ? to.first - from.first : from.first - to.first;
-            const bool whole = std::min(span, n - span) >= (kLeastPatches + 1) * D;  // may be a component of its own
+            const bool whole = std::min(span, n - span) >= (kMinPatches + 1) * D;  // may be a component of its own
             if (whole) laid += n;
             if (whole && holds_obstacle(from, to)) {
                 obstacles.emplace_back(from, to);
             } else {
                 laid += cut(from, to);
             }
-            if (laid > kMostLaid * samples) break;
+            if (laid > kMaxLaid * samples) break;
         }
         return obstacles;
     }
@@ -176,7 +176,7 @@ private:
         for (const auto& [from, to] : loops) {
             if (divided[from.component]) continue;
             auto [part, rest] = parts(from, to);
-            if (std::min(part.size(), rest.size()) < kLeastPatches * D) continue;
+            if (std::min(part.size(), rest.size()) < kMinPatches * D) continue;
             divided[from.component] = true;
             const bool both = both_bound(part, rest);
             if (std::abs(twice_area(part)) > std::abs(twice_area(rest))) std::swap(part, rest);

@@ -15,7 +15,7 @@ constexpr int kFlipRounds = 6;
 // Patches visited and pairs tested in one iteration, to a patch; crossings beyond wait for the next one. The test
 // whether a flip cuts an edge counts as so many, to each degree.
 constexpr std::size_t kExchange = 16;
-constexpr std::size_t kMostVisits = 64;
+constexpr std::size_t kMaxVisits = 64;
 // Patches near edges are halved down to this length, at most this often, before they are flipped, so that the flip
 // cuts no edge.
 constexpr double kFlipLength = 4.0;
@@ -122,7 +122,7 @@ void flip_crossings(Contour<D>& contour) {
     for (int i : contour.active) contour[i].touched = false;
     contour.effort.unresolved = false;
     contour.effort.visits = contour.effort.asked = 0;
-    contour.effort.most = kMostVisits * (contour.order.size() + kMostVisits);
+    contour.effort.most = kMaxVisits * (contour.order.size() + kMaxVisits);
     bool crossing = true;
     for (int round = 0; round < kFlipRounds && crossing; ++round) crossing = flip_round(contour, round > 0);
     if (!crossing && !contour.effort.unresolved) {  // what was left undecided has become a simple curve
