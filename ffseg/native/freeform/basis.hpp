@@ -9,8 +9,8 @@
 
 namespace ffseg::freeform {
 
-// A control polygon this many times longer than the polygon of samples belongs to a curve that oscillates; that of a
-// quarter circle is 1.1 times longer.
+// A curve oscillates if its control polygon is longer than the polygon of its samples by this factor (quarter circle:
+// 1.1).
 constexpr double kOscillation = 1.25;
 
 // A patch of degree D is known by its D + 1 samples M_k = B(k / D); every matrix below acts on them.

@@ -17,15 +17,15 @@
 
 namespace ffseg::freeform {
 
-// A step is at most this part of the split threshold: where patches are shorter than a step, fronts pass over each
-// other before they are seen to cross.
+// Largest step as a fraction of the split threshold: with patches shorter than a step, fronts would pass over each
+// other before their crossing is found.
 constexpr double kMaxStep = 0.5;
-// Patches are not split below this distance between samples.
+// Pixels: patches are not split below this distance between samples.
 constexpr double kMinSpacing = 0.5;
-// Patches near edges shorter than this per sample are pruned.
+// Pixels: patches near edges with a smaller distance between samples are pruned.
 constexpr double kPruneSpacing = 0.35;
 
-// Room is made at first for a patch to every so many pixels of height and width: what a large region often needs.
+// Memory is reserved for one patch per this many pixels of image height plus width, which large regions often need.
 constexpr int kPixelsToAPatch = 4;
 
 struct Chords {

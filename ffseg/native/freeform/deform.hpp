@@ -9,17 +9,18 @@
 
 namespace ffseg::freeform {
 
-// Marching along a normal looks at the edge map every half pixel.
+// Pixels between samples of the edge map along a normal.
 constexpr double kMarchStep = 0.5;
-// Near edges a sample moves at most this far in one iteration: the edge band is three pixels wide, so neither the
-// sample nor the stretch between two samples can pass it unseen.
+// Pixels: largest step near edges. The edge band is three pixels wide, so that neither a sample nor the curve between
+// two samples can cross it unnoticed.
 constexpr double kCautiousStep = 2.0;
-// Discs round two samples whose radii sum to this many times the distance between them hold the curve in between: two
-// equal ones reach 0.41 of the distance to the side of its middle.
+// Two discs round neighbouring samples contain the curve between them if their radii sum to this multiple of the
+// chord: equal ones reach 0.41 chords to the side at its middle.
 constexpr double kBulge = 1.3;
-// An edge so few pixels ahead decides alone, whatever the colours say (region.weight): they are seen less sharply.
+// Pixels: an edge within this distance ahead stops the contour whatever the colours say (region.weight), as they are
+// localised less sharply.
 constexpr double kEdgeAhead = 2.0;
-// A sample that moved less than half a march step is steady.
+// Pixels: a sample that moved less is steady (half a march step).
 constexpr double kSteady = 0.25;
 
 // How far a point may move along `normal`, at most `wanted`, before it meets what is blocked; `known` pixels are free.

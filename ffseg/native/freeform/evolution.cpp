@@ -21,9 +21,9 @@ namespace {
 
 using settling::Samples;
 
-// Patches there may be beside one for every 16 pixels: more only come from a contour that runs over itself for ever.
+// Patches allowed in addition to one per 16 pixels. Only a contour that winds over itself without end exceeds them.
 constexpr int kExtraPatches = 1000;
-// A front at rest is asked again so often whether the colours it has swept since let it on.
+// Times that a resting front is tested again against the colours of what it has swept meanwhile.
 constexpr int kMaxRounds = 32;
 
 // The loop of Algorithm 4, which begins with a contour that needs no split or flip yet. True while the contour moves.

@@ -7,8 +7,8 @@
 
 namespace ffseg::freeform {
 
-// The curve between samples is looked at every so many pixels: less than the thickness of a 4-connected chain; off the
-// band round edges, less than that of the band, which the curve between two places may cross aslant.
+// Pixels between the points at which the curve between two samples is tested: less than the thickness of a 4-connected
+// chain, and away from the edge band less than the width of that band, which the curve may cross obliquely.
 constexpr float kTestEvery = 0.7f, kTestAfar = 1.75f;
 
 // The square of the longest of some steps.

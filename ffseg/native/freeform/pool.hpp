@@ -10,10 +10,10 @@
 
 namespace ffseg::freeform {
 
-// A stretch held by edges is halved, straightened or laid out anew at most this often before one of its samples reaches
-// space where none has been, so that it comes to rest.
+// Splits, straightenings and re-samplings that a patch held by edges may undergo before one of its samples reaches
+// space not visited before; then it rests.
 constexpr std::uint8_t kSplitBudget = 24;
-// One that oscillates near edges is reductions so often, then split or held.
+// Degree reductions of a patch that oscillates near edges, before it is split or held.
 constexpr std::uint8_t kMaxReductions = 5;
 
 template <int D>

@@ -8,9 +8,9 @@
 
 namespace ffseg::freeform {
 
-// Away from edges patches shorter than this part of the split threshold are pruned.
+// Away from edges patches shorter than this fraction of the split threshold are pruned.
 constexpr double kPruneRatio = 0.2;
-// A patch whose longest distance between samples is this many times the shortest is laid out evenly.
+// A patch is re-sampled evenly if its longest chord between samples exceeds its shortest by this factor.
 constexpr double kUneven = 3.0;
 
 // A patch near edges that gets on has all its repairs again: as often as there are tiles, so the evolution ends.

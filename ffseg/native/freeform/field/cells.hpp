@@ -6,11 +6,11 @@
 
 namespace ffseg::field {
 
-// All that is blocked has the lowest bit: an edge pixel is kBand | kEdge.
+// Cell states. Everything blocked has the lowest bit set: an edge pixel is kBand | kEdge.
 constexpr std::uint8_t kBand = 1, kEdge = 2, kOutside = 5;
 // A tile has 1 << kTileShift pixels a side.
 constexpr int kTileShift = 2;
-// Free space is known up to so many tiles away.
+// Tiles up to which the distance to the nearest blocked one is stored.
 constexpr int kLevels = 4;
 
 struct Cells {

@@ -8,16 +8,18 @@
 namespace ffseg::field {
 namespace {
 
-// The edges of a drawn passage lie up to half a pixel beside its sides, and the disc stands on pixel centres: with so
-// many pixels off its radius passages a pixel wider than the clearance are open at every angle, those a pixel narrower
-// shut.
+// Pixels subtracted from the disc's radius. Edges lie up to half a pixel beside the sides of a drawn passage, and the
+// disc is centred on pixels: so passages one pixel wider than the clearance are open at every angle, those one pixel
+// narrower closed.
 constexpr double kSlack = 0.65;
-// Free pixels so much farther from where the disc can be than its radius are no part of its ground.
+// Pixels: free pixels farther than the disc's radius plus this from all places the disc can reach do not belong to its
+// ground.
 constexpr double kBeyond = 1.0;
-// A pixel far away shows several cells of the ground: free pixels beside what a disc covers there are its ground, too.
+// Pixels: a distant pixel shows several cells of the ground plane, so free pixels this near to what the disc covers
+// belong to its ground, too.
 constexpr double kBeside = 1.5;
-// Of a footprint's radius: ground that not even so small a disc can cover is closed, wherever it lies. Squares of a box
-// that have the floor's grey are narrower than that, the ground between two marks is not.
+// Ground that not even a disc of this fraction of the footprint's radius can cover is closed, wherever it lies: faces
+// of a box with the grey level of the floor are narrower, the ground between two marks is wider.
 constexpr double kMinRadiusFraction = 0.5;
 
 // The zero bytes of a row, or the others, as bits.
@@ -52,7 +54,8 @@ void for_pixels(const Bitmap& pixels, const Each& each) {
     }
 }
 
-// The cell of a pixel that shows ground beyond the plane: how wide passages are there is not told, and none is shut.
+// Cell number of pixels whose ground lies beyond the plane. The width of passages is unknown there, and none is
+// closed.
 constexpr std::int32_t kBeyondPlane = -2;
 
 // The pixels of the ground nearer than `radius` cells to that in these pixels; beyond the plane, these themselves.

@@ -11,7 +11,7 @@
 namespace ffseg::field {
 namespace {
 
-// Pixels looked at together.
+// Pixels of a row that are processed together.
 constexpr int kRun = 64;
 
 // Eight pixels, a byte each, as one number.

@@ -15,10 +15,10 @@ using freeform::kMinSpacing;
 using freeform::Places;
 using freeform::Spread;
 
-// Before the contour counts as converged, places so many pixels apart are looked at for this: a gap that is open lets
-// two by two pixels through.
+// Pixels between the points that are tested once more before the contour counts as converged: an open gap is at least
+// two by two pixels large.
 constexpr double kCloseTest = 1.0;
-// Pixels across an edge with the band on its two sides.
+// Pixels: width of an edge with the band on both sides.
 constexpr int kBandWidth = 3;
 
 // Do the colours let the front on to any of these places?

@@ -19,12 +19,12 @@ using freeform::Patch;
 using freeform::Points;
 using freeform::reach;
 
-// A resting stretch that could still advance this far between its samples is split instead.
+// Pixels: a resting patch that could still advance this far between its samples is split instead.
 constexpr double kUncovered = 2.0;
-// A sample put back with more room ahead of it than this is moved on with more samples beside it.
+// Pixels: a sample put back with more free space than this ahead advances again, with more samples beside it.
 constexpr double kHeldBack = 1.0;
-// Where the front squeezes through a passage of a few pixels its samples lie no farther apart, or it turns by more than
-// the angle with this cosine (45 degrees); at its very tip it turns back.
+// Pixels and a cosine (45 degrees): in a passage a few pixels wide the front is a tip, with samples this near to each
+// other or a turn of more than that angle; at the very end it turns back.
 constexpr double kTipChord = 4.0, kTipTurn = 0.7;
 
 // Does a sample that moves pass its neighbour, so that the curve would run back there?
@@ -61,7 +61,8 @@ constexpr std::array<Way, 6> kWays{{{{1.0, 0.0}, kUncovered},
                                     {{0.5, 0.866}, kUncovered},
                                     {{0.5, -0.866}, kUncovered}}};
 constexpr std::size_t kFirstAslant = 2;
-// From pixel to pixel it may move so far back for each pixel of the way: sideways, round the corners of what is free.
+// The cosine between a step to the next pixel and the way ahead must exceed this: a slide may go sideways, round the
+// corners of free space.
 constexpr double kSideways = -0.75;
 
 // A sample that may move on: which one, and the one before it.

@@ -10,13 +10,14 @@
 
 namespace ffseg::settling {
 
-// Pairs of patches tested in all, to a patch; few patches share what kFewPieces may have. To each degree a fine test
-// of two patches or of one counts as so many, one at their joint as kJointTests. A settled contour needs two or three a
-// round; what runs over itself everywhere is not worth more.
+// Bound on the work of finding crossings, in pair tests per patch, with kFewPieces patches added so that few patches
+// have some; cost of a fine test of two patches or of one, per degree, and of two that share a joint. A settled
+// contour needs two or three tests per patch and round; more is not worth spending on one that crosses itself
+// everywhere.
 constexpr std::size_t kMaxTests = 128, kFewPieces = 1024, kFineTests = 128, kOwnTests = 64, kJointTests = 32;
-// Curves nearer to each other than this touch, as far as anyone can draw them.
+// Pixels: curves nearer to each other than this touch, as far as any drawing can show.
 constexpr double kTouch = 0.01;
-// Outlines that lie so near to their curves show where these cross.
+// Pixels: polygons this near to their curves have the same crossings.
 constexpr double kFlat = 0.001;
 
 template <int D>

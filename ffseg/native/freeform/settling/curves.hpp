@@ -10,9 +10,9 @@
 
 namespace ffseg::settling {
 
-// What turns by less, up to rounding, does not cross itself.
+// Radians: a curve that turns by less, up to rounding, does not cross itself.
 constexpr double kHalfTurn = 3.14159;
-// Chords of a fine look between two samples.
+// Chords between two samples in a fine test.
 constexpr std::size_t kFine = 32;
 using Fine = std::array<Vec2, kFine + 1>;
 

@@ -14,7 +14,7 @@ namespace ffseg::settling {
 
 using freeform::GradientView;
 
-// The search looks at the gradient every half pixel and refines the peak by a parabola.
+// Pixels between samples of the gradient along a normal; the peak is refined by a parabola.
 constexpr double kRidgeStep = 0.5;
 
 class Ridge {

@@ -19,7 +19,7 @@ using freeform::Basis;
 using freeform::kBasis;
 using freeform::kOscillation;
 
-// Samples nearer to each other say nothing new.
+// Pixels: samples nearer to each other add no information.
 constexpr double kMinSampleDistance = 0.5;
 
 // One component as its samples in order, D to a patch.

@@ -9,26 +9,29 @@
 
 namespace ffseg::settling {
 
-// The search also looks this far back: the band was entered by rounding, never by more than a pixel.
+// Pixels searched backwards: a sample enters the band by rounding only, never by more than a pixel.
 constexpr double kRidgeBack = 1.0;
-// A stopped sample stands before the band of a Canny edge: one pixel of band and half an edge pixel.
+// Pixels searched ahead: a stopped sample stands before the band of a Canny edge, one pixel of band and half an edge
+// pixel.
 constexpr double kRidgeAhead = 1.5;
-// A displacement this far from the median of its neighbours follows another edge and takes the median instead.
+// Pixels: a displacement that differs this much from the median of its neighbours' follows another edge, and the
+// median is used instead.
 constexpr double kRidgeOutlier = 1.0;
-// Where the ridge runs farther than this from the curve between samples, the patch is split.
+// Pixels: where the ridge lies farther than this from the curve between samples, the patch is split, in at most this
+// many rounds.
 constexpr double kRidgeMiss = 0.3;
 constexpr int kRidgeRounds = 3;
-// Only patches whose samples bend at least so far (second difference, px) are looked at: smoothing leaves no edge that
-// departs from a straight line and returns between two samples.
+// Pixels: only patches whose samples bend by at least this second difference are tested, as smoothing leaves no edge
+// that departs from a straight line and returns between two samples.
 constexpr double kBent = 0.8;
-// Where the curve bends away from the polygon of its samples by more than this part of the reach, the new samples
-// follow the curve: from the polygon the ridge is out of reach.
+// Where the curve leaves the polygon of its samples by more than this fraction of the search range, new samples follow
+// the curve: from the polygon the ridge would be out of range.
 constexpr double kMaxBend = 0.5;
-// Distance between the samples of a settled contour: two scales of the smoothing, below which edges have no detail.
+// Pixels between samples of a settled contour: two scales of the smoothing, below which edges have no detail.
 constexpr double kSettledSpacing = 3.0;
-// Normals are taken across this distance to either side, over the jitter of samples stopped by a pixel staircase.
+// Pixels to either side over which normals are taken, more than the jitter of samples stopped by a pixel staircase.
 constexpr double kNormalReach = 2.0;
-// Steps in which the domain's limit is looked for.
+// Pixels: step of the search for the limit of the domain.
 constexpr double kToLimit = 1.0 / 16.0;
 template <int D>
 class Settling {

@@ -11,15 +11,15 @@ namespace ffseg::settling {
 
 // Rounds of smoothing; a crossing of two contours on one ridge needs one or two.
 constexpr int kUntangleRounds = 24;
-// Loops that are still there after so many rounds are cut off.
+// Rounds after which remaining loops are cut off.
 constexpr int kSmoothingRounds = 8;
-// A component that still crosses itself after so many is divided there.
+// Rounds after which a component that still crosses itself is divided at the crossing.
 constexpr int kDivideRound = 16;
-// A component of at most so many samples that is still wound up then is replaced by its convex hull.
+// A component of at most this many samples that still winds over itself then is replaced by its convex hull.
 constexpr std::size_t kSmallComponent = 64;
-// In one round loops are cut until so many times the samples there are have been laid anew.
+// Samples that may be re-laid in one round of cutting loops, as a multiple of all samples.
 constexpr std::size_t kMaxLaid = 64;
-// Parts of fewer patches are no components.
+// Parts with fewer patches form no component.
 constexpr std::size_t kMinPatches = 2;
 // Pixels drawn back along the normal in each round.
 constexpr double kDrawBack = 0.25;

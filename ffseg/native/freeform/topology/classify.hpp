@@ -6,11 +6,12 @@
 
 namespace ffseg::topology {
 
-// Components enclosing less cannot hold the band of one edge pixel (3 x 3) and are dropped.
+// Square pixels: components enclosing less cannot hold the band round one edge pixel (3 x 3) and are dropped.
 constexpr double kVoidArea = 4.0;
-// The front may fold over itself at its corners, and cut off a negative loop that is no hole; these enclose less.
+// Square pixels: where the front folds over itself at a corner it may cut off a negative loop that is no hole; such
+// loops enclose less.
 constexpr double kFoldArea = 64.0;
-// The area of a component with more patches than this many times those of the one cut off from it is not computed.
+// The area of a component is not computed if it has this many times the patches of the one cut off from it.
 constexpr int kLongComponent = 16;
 
 // What a flip of two patches has left: one component, or two.

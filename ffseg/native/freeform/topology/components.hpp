@@ -12,7 +12,7 @@ namespace ffseg::topology {
 using freeform::Contour;
 using freeform::Points;
 
-// Looking at the boxes of so many patches costs as much as walking over one.
+// Testing this many bounding boxes costs as much as visiting one patch.
 constexpr std::size_t kBoxesToAPatch = 8;
 
 template <int D>
@@ -50,8 +50,8 @@ bool contains(const Contour<D>& contour, int loop, Vec2 p) {
     return inside;
 }
 
-// From so many questions in one iteration on, the patches stand by rows: with thousands of loops each would be as slow
-// as all of them are many.
+// From this many point-in-component queries in one iteration on, patches are indexed by rows: with thousands of loops
+// each query would otherwise take time proportional to all of them.
 constexpr std::size_t kManyAsked = 16;
 
 template <int D>

@@ -10,10 +10,10 @@ namespace ffseg::topology {
 
 using freeform::Contour;
 
-// Patches to a strip of the filter, and how low strips may get, in pixels: most patches reach into one.
+// Patches per strip of the sweep filter, and smallest strip height in pixels, so that most patches lie in one strip.
 constexpr std::size_t kStripPatches = 256;
 constexpr std::size_t kStripHeight = 64;
-// More new patches than this are sorted among themselves before they join the others.
+// If more patches than this are new, they are sorted among themselves before they are merged with the others.
 constexpr std::size_t kFewNew = 16;
 
 // Patches ordered by the left side of their boxes. The order hardly changes in one iteration, so insertion is cheap;

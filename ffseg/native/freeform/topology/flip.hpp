@@ -8,16 +8,16 @@
 
 namespace ffseg::topology {
 
-// So few moving patches are compared with all others instead of sorting.
+// With at most this many moving patches, each is compared with all others instead of sorting.
 constexpr std::size_t kFewActive = 16;
-// Rounds of crossing tests in one iteration; what is left waits for the next.
+// Rounds of crossing tests in one iteration; the remaining crossings wait for the next.
 constexpr int kFlipRounds = 6;
-// Patches visited and pairs tested in one iteration, to a patch; crossings beyond wait for the next one. The test
-// whether a flip cuts an edge counts as so many, to each degree.
+// Cost of testing whether a flip cuts an edge, per degree, in units of one patch visit, and patch visits and pair
+// tests allowed in one iteration, per patch; the remaining crossings wait for the next.
 constexpr std::size_t kExchange = 16;
 constexpr std::size_t kMaxVisits = 64;
-// Patches near edges are halved down to this length, at most this often, before they are flipped, so that the flip
-// cuts no edge.
+// Pixels: patches near edges are halved down to this length before they are flipped, at most the second number of
+// times, so that the flip cuts no edge.
 constexpr double kFlipLength = 4.0;
 constexpr int kFlipDepth = 4;
 
