@@ -28,7 +28,7 @@ _NO_XI = "model fisheye has none; leave it out, or name model omnidir"
 _FOCAL = Number(0, 1e6, above=True)
 _PIXEL = Number(-1e6, 1e6)
 _MAX_HEIGHT = 150
-"""Metres: more than a drone may fly (120 m in the EU), less than a mast is in millimetres."""
+"""Metres: higher than a drone may fly (120 m in the EU), less than the height of any mast in millimetres."""
 _COEFFICIENT = Number(-1e6, 1e6)
 _FOUR = Row(("k1", "k2", "p1 or k3", "p2 or k4"), (_COEFFICIENT,) * 4)
 _THREE = Row(("1st", "2nd", "3rd"), (_COEFFICIENT,) * 3)

@@ -13,11 +13,11 @@ if TYPE_CHECKING:
     from ffseg.camera.model import Camera  # loads what images of other cameras do not need
 
 RADIUS_CELLS = 8
-"""Cells of the plane that the footprint's radius is long: a passage is measured to an eighth of it."""
+"""Cells of the ground plane per radius of the footprint: the resolution at which passages are measured."""
 MAX_CELLS = 2048
-"""Side of the plane: 128 radii to each side of the camera. What lies beyond is not shut, however narrow."""
+"""Cells along a side of the ground plane: 128 radii to each side of the camera. Passages beyond are never closed."""
 OUTSIDE_PLANE = -2
-"""Stands for a cell of ground beyond the plane."""
+"""Cell number of ground beyond the plane."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -162,7 +162,7 @@ class Camera:
 
 
 ROWS = 64
-"""Rows of an image whose rays are made at once: those of a large image are more than its pixels take."""
+"""Image rows whose rays are computed at once: those of a large image take more memory than its pixels."""
 
 
 def _rays(camera: Camera) -> Iterator[tuple[slice, Array]]:

@@ -15,7 +15,7 @@ from ffseg.camera.model import Camera
 from ffseg.errors import CalibrationError
 
 ROTATION_SLACK = 1e-2
-"""How far a rotation times its transpose may be from the identity: four decimals make 1e-4."""
+"""Largest entry of R Rᵀ - I of a rotation in a file: four decimals cause 1e-4."""
 Origin = Literal["poses", "poses, refined on the ground", "ground points"]
 
 
@@ -109,8 +109,8 @@ class Motion:
 
 
 PARAMETERS = 8
-"""Of a motion with its ground: x, y (metres), turn about up, lift (metres), nod about level x and y, and the tilt of the
-current camera: how much its true up leans toward level x and y (radians)."""
+"""Parameters of a motion with its ground plane: x, y (metres), yaw, lift (metres), roll and pitch between the views, and
+the tilt of the current camera about level x and y (radians)."""
 
 
 def perturbed(camera: Camera, motion: Motion, parameters: Array) -> tuple[Array, Array, Array]:

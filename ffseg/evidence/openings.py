@@ -30,7 +30,7 @@ def open_areas(image: Image, inside: Image, factor: int, out: Plane) -> None:
         Nonzero in the start region, which is open itself.
     factor : int
         Pixels a side of the image that became one.
-    out : ndarray of float32, shape (len(OPEN), h, w)
+    out : ndarray of float32, shape (len(OPENING_FEATURES), h, w)
 
     Notes
     -----

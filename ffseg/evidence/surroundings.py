@@ -72,7 +72,7 @@ def surroundings(seen: Features, out: Plane) -> None:
 
     Parameters
     ----------
-    out : ndarray of float32, shape (len(SURROUNDINGS), ceil(h / STRIDE), ceil(w / STRIDE))
+    out : ndarray of float32, shape (len(SURROUNDINGS_FEATURES), ceil(h / STRIDE), ceil(w / STRIDE))
         Of every ``STRIDE``-th pixel each way.
     """
     start = reduced_region(seen.inside > 0, STRIDE)

@@ -14,19 +14,19 @@ from ffseg.freespace.pairs import MIN_SIGMAS, ImagePair
 from ffseg.image.components import Component
 
 TILE = 60
-"""Pixels; the strongest corners of each tile are matched, so that they lie all over the image."""
+"""Pixels: the strongest corners of each tile are matched, so that they are spread over the image."""
 ROBOT_MARGIN = 8.0
-"""Pixels round the robot's disc without interest points: its border moves with the camera."""
+"""Pixels round the robot's disc without interest points, as its border moves with the camera."""
 ZONE_REACH = 60.0
-"""Pixels of the radial zone of a point, outward: a mark's depth, or as much of a box as is seen above its base."""
+"""Pixels: length of a point's radial zone, outward: the depth of a mark, or the part of a box seen above its base."""
 MIN_CORNER_DISTANCE = 4.0
-"""Pixels nearer than which two corners are one."""
+"""Pixels: corners nearer to each other count as one."""
 ZONE_COSINE, BEHIND_COSINE = np.cos(np.deg2rad(30.0)), np.cos(np.deg2rad(60.0))
-"""Half-angles of the radial zone: in which ground must be seen again, and in which nothing may stand up."""
+"""Cosines of the half-angles of the radial zone: where ground must be seen again, and where nothing may rise."""
 CLEAR_RADIUS = 28.0
-"""Pixels within which nothing may stand up in any direction: two zones and a little."""
+"""Pixels within which nothing may rise in any direction: a little more than two mask radii."""
 MASK_RADIUS = 12.0
-"""Pixels round a point in which edges are switched off, or doubled."""
+"""Pixels round a point within which edges are removed, or strengthened."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -15,15 +15,15 @@ from ffseg.io.overlays import Polyline, encode_overlay
 HALF_M, SCALE = 4.0, 80.0
 """Metres from the robot to each side, and pixels a metre."""
 UNSEEN_LEVEL = 24
-"""Grey of what the camera does not show as ground."""
+"""Grey level of what the camera does not show as ground."""
 SCALE_BAR = np.array([[0.0, 0.0], [0.0, -6.0], [0.0, 0.0], [SCALE, 0.0], [SCALE, -6.0], [SCALE, 0.0]])
-"""A metre, with ticks at its ends; pixels."""
+"""Polyline of a bar of one metre with ticks at its ends, pixels."""
 SCALE_LETTERS = (
     np.array([[-3.0, -9.0], [0.0, -12.0], [0.0, 0.0], [0.0, -12.0]]),
     np.array([[6.0, 0.0], [6.0, -8.0], [10.0, -8.0], [10.0, 0.0], [10.0, -8.0], [14.0, -8.0], [14.0, 0.0], [14.0, -8.0],
               [6.0, -8.0]]),
 )  # fmt: skip
-"""Strokes of "1 m", there and back."""
+"""Polylines of "1 m", drawn forth and back."""
 
 
 def birds_eye(image: Image, ground: Ground) -> bytes:

@@ -17,13 +17,13 @@ from ffseg.image.keypoints import Candidates, align_patches, patch_scores, plane
 
 CORNER_RADIUS = 4
 MIN_COARSE_CORRELATION = 0.5
-"""Correlation of every second row and column of a patch below which the whole will not come near a right match."""
+"""Correlation of every second row and column of a patch below which the full patch cannot reach that of a right match."""
 RIVAL_DISTANCE = 2.5
-"""Pixels from the best place beyond which a second peak is another place."""
+"""Pixels: a second peak farther from the best one than this is another place."""
 RIVAL_MARGIN = 0.03
-"""A second peak this close in correlation makes a match ambiguous: it then says nothing."""
+"""Difference in correlation below which a second peak makes a match ambiguous; ambiguous matches are dropped."""
 REPROJECTION_GATE = 2.0
-"""Pixels across the epipolar curve: rays that miss each other by a pixel in either image."""
+"""Pixels across the epipolar curve: rays may miss each other by one pixel in each image."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,7 +93,8 @@ def _match_variance(rate: Array, warps: Array, covariance: Array) -> Array:
 
 
 MAX_ALTITUDE = 0.7
-"""Part of the mount height up to which altitudes are tried: above it a pixel sees the far wall past the thing's top."""
+"""Fraction of the mount height up to which altitudes are tested: above it a pixel shows the far wall beyond an object's
+top."""
 FINE_STEPS, COARSE_STEPS = 6, 21
 
 

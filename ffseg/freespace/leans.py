@@ -13,11 +13,12 @@ from ffseg.camera.motion import Motion
 from ffseg.freespace.window import Link
 
 MAX_LEAN_SIGMAS, MAX_NOD_SIGMAS = 3.0, 2.0
-"""Times the deviations that a pair states by which its lean and its nod are off: on 12 rendered drives that nod by 2 degrees the
-90th percentiles of these errors in deviations are 3 and 1.7 times those of two normal ones."""
+"""Factors by which the standard deviations that a pair states of its lean and its nod are enlarged: on 12 rendered
+drives with nods of 2 degrees, the 90th percentiles of the normalised errors are 3 and 1.7 times those of a normal
+distribution."""
 LEAN_SIGMAS, MIN_PAIRS = 5.0, 4
-"""Deviations of a pair's lean from which the mean of the drive's leans is believed, of so many pairs at least: it is 4.5 of them
-at most in 20 rendered drives that are level, and 1.7 in all but one."""
+"""Standard deviations (of one pair) that the mean lean of a drive must reach to be applied, and the least number of
+pairs: on 20 rendered level drives it is 4.5 at most, and 1.7 in all but one."""
 LEVEL: tuple[Array, float] = np.zeros(2), 0.0
 
 

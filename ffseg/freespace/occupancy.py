@@ -23,29 +23,31 @@ from ffseg.io.overlays import Kind, Polyline, encode_overlay
 from ffseg.io.tables import csv_table
 
 OCCUPIED, FREE = 0.65, 0.25
-"""Probabilities above which a cell is occupied and below which it is free, map_server's own defaults."""
+"""Probabilities above which a cell is occupied and below which it is free; the defaults of map_server."""
 UNKNOWN_LEVEL, FREE_LEVEL, OCCUPIED_LEVEL = 128, 254, 0
 """Grey levels of map.pgm. map_saver's own 205 for unknown stands for 0.196 and would be read as free below 0.25."""
 BLOCK = 64
-"""Cells by which the grid grows, so that a robot that drives on does not copy it at every frame."""
+"""Cells by which the grid grows, so that it is not copied at every frame."""
 MAX_CELLS = 2**25
-"""Of a map: 290 x 290 m of 5 cm. Map and graph take 118 bytes each at most (measured on maps of 5 and 18 million), 4 GB."""
+"""Cells of a map: 290 x 290 m at 5 cm. Map and graph take at most 118 bytes per cell (measured on maps of 5 and 18
+million), 4 GB."""
 FRAME_CORRELATION = 0.3
-"""Correlation between the errors of two frames' readings of a cell: they share the bias of the outline and much of the pose.
-So n of them are worth n / (1 + (n - 1) ALIKE) that err alone (Clemen and Winkler 1985, Limits for the precision and value of
-information from dependent sources). Measured on 20 rendered drives, by the likelihood of the cells of 1, 2, 4 and 20 frames."""
+"""Correlation between the errors of two frames' readings of a cell, which share the bias of the outline and much of the
+pose. n of them have the weight of n / (1 + (n - 1) FRAME_CORRELATION) independent ones (Clemen and Winkler 1985,
+Limits for the precision and value of information from dependent sources). Measured on 20 rendered drives, by the
+likelihood of the cells of 1, 2, 4 and 20 frames."""
 MEMORY_FRAMES = 30.0
-"""Frames that a cell is told by at most: with more, older ones fade, and what has moved away is forgotten."""
+"""Largest number of frames that count in a cell: beyond it older ones fade, and what has moved away is forgotten."""
 ODOMETRY = 0.02, float(np.deg2rad(0.5))
-"""Standard deviations of a step whose motion says none: relative to its length, and radians."""
+"""Standard deviations of a step that states none: relative to its length, and radians."""
 MAX_LEAN_SHIFT = 0.25
-"""Part of a cell by which one standard deviation of the camera's lean may move the ground where a frame is still believed. On 12
-rendered drives that nod .85 and more of the cells said .9 free are so, and .5 to .7 of them with a third."""
+"""Fraction of a cell by which one standard deviation of the camera's lean may shift the ground for a frame to be used.
+On 12 rendered drives with nods, at least .85 of the cells called .9 free are free; with a third, .5 to .7."""
 MIN_UPRIGHT_COSINE = float(np.cos(np.deg2rad(15.0)))
-"""Least cosine between the z axis of the poses' world and the camera's up or down: ramps rise by up to 9 degrees, and nods
-of 4.5 are believed."""
+"""Least cosine between the z axis of the poses' world and the camera's vertical: ramps rise by up to 9 degrees, and nods
+of 4.5 are accepted."""
 ZOOM, MAX_PICTURE_SIDE, MARGIN = 4, 2400, 8
-"""Pixels of a cell in the picture, fewer where one of its sides would be longer than that many; cells round what is known."""
+"""Pixels per cell in the picture (fewer where a side would exceed the second number), and cells shown round what is known."""
 
 
 class OccupancyMap:

@@ -20,13 +20,14 @@ from ffseg.image.polygons import polygons
 from ffseg.image.resized import read_at
 
 MAX_BEARINGS = 30_000
-"""Of a scan: one each 0.012 degrees."""
+"""Bearings of a scan: one per 0.012 degrees."""
 MAX_RANGE = 6.0
-"""Metres: beyond it a pixel of a mirror over a robot shows a quarter of a metre, and its outline tells nothing."""
+"""Metres: beyond, one pixel of a mirror over a robot covers a quarter of a metre, and an outline carries no information."""
 RIM_PX = 2.5
-"""An outline so near to where the camera's view or the domain ends is that end, and no obstacle."""
+"""Pixels: an outline this near to the end of the camera's view or of the domain is that end, and no obstacle."""
 OUTLINE_SIGMA = 0.08
-"""Pixels: standard deviation of an outline across itself. On rendered walls and boxes 68 % are within .055, 95 % within .15."""
+"""Pixels: standard deviation of an outline across itself. On rendered walls and boxes 68 % of errors are within .055, 95
+% within .15."""
 DECIMALS = 4
 
 End = Literal["obstacle", "rim", "unknown"]

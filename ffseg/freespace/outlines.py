@@ -13,14 +13,14 @@ from ffseg.image.interest import outline_points
 from ffseg.image.keypoints import Alignments, Candidates, align_patches, limited_information, plane_candidates
 
 MAX_SAMPLES = 22
-"""Outline samples per component: one every few pixels of a mark of middling size."""
+"""Outline samples per component: one per few pixels of a mark of medium size."""
 OUTLINE_RADIUS = 3
 OUTLINE_STEPS = 4
-"""A sample on the ground starts where it belongs and takes two; one that needs more is not on the ground."""
+"""Iterations: a sample on the ground starts at its place and takes two; one that needs more is not on the ground."""
 MISS_GATE = 16.0
 """Four standard deviations across the epipolar curve."""
 MAX_NOISE = 0.08
-"""Part of a sample's contrast that may be noise: with twice as much right matches fall short of ``MIN_SCORE``."""
+"""Largest noise of a sample as a fraction of its contrast: with twice as much, right matches fall below ``MIN_SCORE``."""
 
 
 def outline_votes(

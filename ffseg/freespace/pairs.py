@@ -13,11 +13,11 @@ from ffseg.freespace.motion.ground import Doubt, GroundFit, position_slopes, sha
 from ffseg.image.interest import InterestPoints
 
 MIN_SCORE = 0.85
-"""Correlation of a right match; wrong ones of 9x9 patches rarely pass 0.7."""
+"""Least correlation of a match; wrong ones of 9x9 patches rarely exceed 0.7."""
 NOISE_PX = 0.2
-"""Standard deviation of a match per axis: what rendered and measured board corners show."""
+"""Pixels: standard deviation of a match per axis, as measured on rendered and real board corners."""
 MIN_SIGMAS = 2.0
-"""Standard deviations that an altitude must keep from the threshold to speak."""
+"""Standard deviations between an altitude and the threshold for it to count."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,7 +65,8 @@ class MotionUncertainty:
 
 
 MAX_SWAY = 0.1
-"""Pixels, half of what a match is good to: a third of it, by which a component's ends may differ, is lost in that."""
+"""Pixels, half the precision of a match: the ends of a component may differ by a third of it, which is negligible beside
+the match."""
 
 
 def motion_uncertainty(pair: ImagePair, middles: Array, doubt: Doubt, fit: GroundFit | None) -> MotionUncertainty:

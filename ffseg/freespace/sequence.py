@@ -49,10 +49,11 @@ from ffseg.result import Segmentation, Timings
 from ffseg.scene import Scene
 
 LEAN_SIGMAS = 3.0
-"""Standard deviations from which a lean that a pair shows is believed: of level cameras one image in a hundred shows as much.
-With a pair's 2 mrad the ground would lie 3 cm off at 3.5 m, half a pixel, where an outline is good to a twentieth."""
+"""Standard deviations from which a lean measured by a pair is applied: one level image in a hundred shows as much. An
+error of 2 mrad, a pair's precision, shifts the ground by 3 cm at 3.5 m, half a pixel, while outlines are precise to a
+twentieth."""
 START_MARGIN = 8.0
-"""Pixels between the robot's disc and the start circle: the disc's border is an edge some 5 px wide."""
+"""Pixels between the robot's disc and the start circle: the border of the disc is an edge about 5 px wide."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -17,24 +17,24 @@ from ffseg.freespace.window import Link
 from ffseg.image.resized import OUTSIDE, laid_out, of_shares, read_at
 
 BAND = 0.1
-"""Metres behind an outline that are told occupied: what stands there has a front, and nothing is known of its depth."""
+"""Metres behind an outline that are marked occupied: the front of an obstacle is seen, its depth is not."""
 ERRS_FREE, ERRS_OCCUPIED = 0.005, 0.015
-"""Readings well inside and well behind an outline that err for reasons which no noise of pixels explains. On rendered drives
-three cells in ten thousand inside one are not free, but nothing moves there, and one in thirty behind it is free, but in
-frames alike."""
+"""Probabilities that a reading well inside, and well behind, an outline is wrong for reasons other than pixel noise. On
+rendered drives three cells in ten thousand inside are not free (nothing moves there), and one in thirty behind is
+free, though in all frames alike."""
 SHARPNESS = 1.7
-"""Log odds that the ground at a place is free, over those of the mask read there between its pixels: what a straight edge at
-any angle and place comes to (1.64 to 1.76 for every reading; tests/unit/test_occupancy.py)."""
+"""Log odds of free ground per unit of the interpolated mask: what a straight edge at any angle and place gives (1.64 to
+1.76 for every reading; tests/unit/test_occupancy.py)."""
 TABLE, BEYOND = 0.05, 1.4
-"""Metres between the places on the ground whose pixels are kept (linear between them, a millimetre is lost), and how
-many times the reach they cover: a camera that leans sees farther on one side."""
+"""Metres between the ground points whose pixels are tabulated (linear interpolation loses a millimetre), and the
+multiple of the range they cover: a leaning camera sees farther on one side."""
 MAX_POSE_ERROR = 0.2
-"""Part of a cell that a pose may be off by, at the frame's reach, and moves nothing that a map shows: what cells are said to be
-comes true as often as with a twentieth, and most frames are read at one place instead of four."""
+"""Fraction of a cell by which the error of a pose may shift the far end of a frame's range without being sampled: the
+map is as well calibrated as with a twentieth, and most frames are read at one pose instead of four."""
 SIGMA_POINTS = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
-"""Four places round a pose, in standard deviations of x, y and turn, with the pose's own mean and covariance."""
+"""Four sigma points of a pose, in standard deviations of x, y and yaw, with its mean and covariance."""
 FREE_LEVEL = 127
-"""Grey level above which a mask read between its pixels is rather free than not."""
+"""Grey level of an interpolated mask above which it is more likely free than not."""
 
 
 @dataclass(frozen=True, slots=True)

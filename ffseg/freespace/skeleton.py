@@ -20,9 +20,9 @@ from ffseg.io.files import make_folder, write_all_atomic
 Cell = tuple[int, int]
 NodeKind = Literal["junction", "end", "frontier"]
 MIN_SPREAD = 0.4
-"""Metres between the two outlines that a branch lies between: steps of cells and small dents make no branch."""
+"""Metres between the two outlines on either side of a branch: cell steps and small dents form none."""
 LINE_WIDTH, FRAME_WIDTH = 0.04, 0.5
-"""Metres that a line of the drawing is wide, and that it shows round the graph."""
+"""Metres: width of the lines in the drawing, and of the margin round the graph."""
 COLOURS: dict[NodeKind, str] = {"junction": "#2563eb", "end": "#111827", "frontier": "#f59e0b"}
 NEIGHBOURS = ((-1, -1), (-1, 0), (-1, 1), (0, 1), (1, 1), (1, 0), (1, -1), (0, -1))
 

@@ -20,16 +20,17 @@ from ffseg.image.interest import InterestPoints
 Verdict = Literal["obstacle", "false_obstacle", "untested"]
 
 MIN_AREA = 30
-"""Pixels; of a smaller component a corner's patch of 9x9 pixels shows more of what is round it than of itself."""
+"""Pixels: in smaller components a corner's patch of 9x9 pixels shows more of the surroundings than of the component."""
 MIN_FLAT = 4
-"""Samples that must speak for the ground before anything is merged."""
+"""Samples that must vote for the ground before a component is merged."""
 MIN_SAMPLES = 6
-"""Samples and corners together that do as well where nothing contradicts: of a line along the way the robot took, only
-its ends can tell."""
+"""Samples and corners together that suffice where nothing votes against: of a line along the robot's path only the ends
+are informative."""
 LOW_PER_HIGH = 5
-"""Corners surely on the ground that outweigh one found above it: one wrong match in six is what gates let through."""
+"""Corners certainly on the ground that outweigh one found above it: the gates let one wrong match in six pass."""
 MAX_RAISED = 0.2
-"""Share of the speaking samples that may contradict. Measured on rendered pairs: marks 0, boxes 0.57 and more."""
+"""Largest fraction of the voting samples that may vote against the ground. Measured on rendered pairs: marks 0, boxes
+0.57 and more."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,8 +10,8 @@ import numpy as np
 from ffseg.arrays import Array
 
 MAX_DISTANCE = 0.25
-"""Metres between a component's place and where the motion puts it: paint keeps it to a pixel or two, the visible part of
-a box shifts with the view by up to its height over the camera's."""
+"""Metres between a component and its place predicted by the motion: paint stays within a pixel or two, the visible part
+of a box shifts by up to its height over the camera's, with the view."""
 
 
 def in_earlier_frame(places: Array, planar: Sequence[float]) -> Array:

@@ -19,9 +19,9 @@ from ffseg.image.keypoints import grey_image
 from ffseg.image.planes import pixel_noise
 
 WINDOW = 8
-"""Earlier images that are kept: at a step of 5 cm the farthest lies 0.4 m back."""
+"""Earlier images kept: at steps of 5 cm the farthest is 0.4 m back."""
 MAX_PAIRS = 3
-"""Pairs with a motion that are asked of one image; the others would cost more than they settle."""
+"""Pairs with a motion that are evaluated per image; more cost more than they decide."""
 
 NO_SAMPLES = np.empty((0, 3))
 

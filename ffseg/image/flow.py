@@ -11,9 +11,9 @@ from ffseg.image.keypoints import grey_image
 from ffseg.image.parts import parts_holding
 
 BOUNDARY_BAND = 3.0
-"""Pixels from both boundaries within which they are taken for two readings of the same one."""
+"""Pixels: boundaries of two frames nearer to each other than this are two readings of the same one."""
 _MIN_SIDE = 64
-"""Pixels a side: with less than 12 OpenCV's flow refuses, with 24 beside 400 it reads what is not there."""
+"""Pixels: OpenCV's flow refuses images of less than 12 a side, and with 24 beside 400 it reads motion that is not there."""
 
 
 def warped_region(before: Image, now: Image, region: Mask) -> Mask:

@@ -10,7 +10,8 @@ from ffseg.arrays import Image, Indices, Mask, Plane
 from ffseg.image.parts import connected_parts
 
 MAX_CORNER_GAP = 5
-"""Most pixels by which an outline stays away from a domain's corners: all of 1343 rays that end at drawn masts in a room."""
+"""Pixels: largest distance between an outline and a corner of the domain: all of 1343 rays that end at drawn masts in a
+room."""
 
 _MAX_EXACT_DISTANCE = np.float32(1024)
 """Pixels up to which the square of a distance that is off by its last bits rounds to the right whole number: below 2^21."""

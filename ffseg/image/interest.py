@@ -12,7 +12,7 @@ from ffseg.image.components import Component
 from ffseg.native import _core
 
 DILATION = 2
-"""Pixels: corners and edges lie on a component's border, which the settled contour cuts through."""
+"""Pixels: corners and edges lie on the border of a component, which the settled contour cuts through."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -120,7 +120,7 @@ class Alignments:
 
 
 FINEST_RESIDUAL = 2.0
-"""Grey levels; rounding and interpolation leave this much even where sensors are perfect."""
+"""Grey levels: smallest residual; rounding and interpolation leave this much even with perfect sensors."""
 
 
 def align_patches(

@@ -13,30 +13,31 @@ from ffseg.image.parts import parts_holding
 from ffseg.image.planes import ROBOT_MARGIN, pixel_noise
 
 SAMPLE_STEP = 4
-"""Pixels between the places that are compared: one in sixteen says as much after the smoothing."""
+"""Pixels between compared places; after the smoothing neighbouring pixels add nothing."""
 SMOOTHING = 2.0
-"""Pixels; of both images, before they are compared."""
+"""Pixels: standard deviation of the smoothing of both images before the comparison."""
 SMOOTHED_NOISE = 0.2
-"""Part of the pixels' noise that this leaves in a difference: sqrt(2) / (2 sqrt(pi) SMOOTHING)."""
+"""Fraction of the pixel noise that remains in a difference: sqrt(2) / (2 sqrt(pi) SMOOTHING)."""
 SLOPE_PX, ROUNDING = 0.2, 0.3
-"""What a ground place is good to, pixels, and what whole grey levels leave."""
+"""Pixels: precision of a ground place; and grey levels: noise of rounding."""
 MAX_SQUARED_DEVIATION = 50.0
-"""Squared deviations that a place counts at most: a few edges do not speak for all round them."""
+"""Largest squared deviation of a place, so that a few edges do not dominate their window."""
 WINDOW, NARROW_WINDOW, MIN_SEEN_FRACTION = 9, 5, 0.35
-"""Places across the windows that are averaged over, and the part of a window that must be seen in both images."""
+"""Places along the sides of the two averaging windows, and the fraction of a window that must be visible in both images."""
 SURE_DEVIATION, LIKELY_DEVIATION = 16.0, 2.0
-"""Mean squared deviations from which on a window contradicts the ground, and with which what hangs together with it does.
-On 37 rendered floors (matt, glossy, shaded, under nodding cameras) they reach 11 at most, on walls that were climbed 50."""
+"""Mean squared deviations at which a window contradicts the ground, and at which places connected with such a window do.
+On 37 rendered floors (matt, glossy, shaded, under nodding cameras) they reach 11 at most, on walls that were climbed
+50."""
 ALTITUDES, EXPLAINED_FRACTION = np.array([0.0, 0.1, 0.2, 0.3, 0.45, 0.6, 0.75]), 0.25
-"""Altitudes, metres: that of the ground, and those of which one must explain a sure window with a quarter of its deviations.
-What is reflected lies below the ground, and none of them explains it."""
+"""Altitudes, metres: the ground's, and those of which one must reduce the deviations of a contradicting window to this
+fraction. Reflections lie below the ground, and no altitude explains them."""
 NEAREST_FRACTION = 0.25
-"""Part of the places, the nearest to the robot, that are ground in any case: a pair in which half of them differ, as on a glossy
-floor under lamps, tells nothing."""
+"""Fraction of the places, those nearest to the robot, that are ground in any case: a pair in which half of them differ,
+as on a glossy floor under lamps, is not used."""
 OCCLUDER_ALTITUDES = np.array(
     [-1e3, -8, -4, -2.5, -1.7, -1.2, -0.8, -0.5, -0.3, -0.15, 0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8]
 )
-"""Altitudes, metres, at which what is not free may have stood before the ground: reflections lie below it."""
+"""Altitudes, metres, at which something that is not free may have hidden the ground; reflections lie below it."""
 
 
 def leaking_pixels(camera: Camera, motion: Motion, current: Image, previous: Image, free: Mask) -> Mask:

@@ -57,7 +57,7 @@ def watershed(image: Image, seeds: Mask, params: Watershed) -> Mask:
 
 
 _WATERSHED_BORDER = 3
-"""Pixels of the outer marker: OpenCV overwrites the outermost one."""
+"""Pixels: width of the outer marker, of which OpenCV overwrites the outermost."""
 
 
 def grabcut(image: Image, seeds: Mask, params: GrabCut) -> Mask:

@@ -9,7 +9,7 @@ from ffseg.arrays import Array, Image
 from ffseg.geometry.orientation import ring_area
 
 OUTLINE_TOLERANCE = 0.75
-"""Pixels by which an outline may leave the pixel staircase: less than a pixel, so that no pixel is lost."""
+"""Pixels between an outline and the pixel boundary: less than one, so that no pixel is lost."""
 
 
 def outlines(mask: Image) -> list[Array]:

@@ -18,46 +18,50 @@ from ffseg.image.parts import connected_parts
 from ffseg.parameters import Levels
 
 MIN_IMAGES = 5
-"""With fewer, edges of the scene may stand on one place by chance."""
+"""With fewer images, edges of the scene may coincide by chance."""
 
 WORKING_SIZE = 480
-"""Pixels a side of the reduced images that are looked at; the limit is then known to half of one of these."""
+"""Pixels of the longer side of the reduced images; the outline is known to half of one of these."""
 
 SIGMA = 1.0
-"""Reduced pixels, of the Gaussian before the gradient."""
+"""Reduced pixels: standard deviation of the Gaussian before the gradient."""
 
 FAINT_EDGE, CLEAR_EDGE = 0.4, 1.0
-"""Units of L, a, b per reduced pixel, of an edge in one image, and of one that an outline begins with (median)."""
+"""Units of L, a, b per reduced pixel: least gradient of an edge in one image, and least median gradient at which an
+outline begins."""
 
 NOISE_LEVEL = 0.2
-"""Below this many of these units a direction says little."""
+"""The same unit: below it the direction of a gradient is unreliable."""
 
 STABLE_FRACTION, WEAK_STABLE_FRACTION = 0.9, 0.65
-"""Share of the images in which an edge has its place and direction, of those an outline begins with and goes on with."""
+"""Fractions of the images in which an edge keeps its place and direction: where an outline begins, and where it continues."""
 
 MAX_GAP = 6
-"""Reduced pixels of an outline that may be missing."""
+"""Reduced pixels: longest gap of an outline."""
 
 MIN_SURE_FRACTION = 0.4
-"""Part of an outline that is sure (of own images mostly 0.5 to 1, of kerbs that a car drives along 0 to 0.5)."""
+"""Least fraction of an outline that is sure (outlines of the camera's own parts mostly 0.5 to 1, kerbs along a drive 0
+to 0.5)."""
 
 MIN_LENGTH = 0.06
-"""Of an outline, as a part of the longer side."""
+"""Least length of an outline, as a fraction of the longer side."""
 
 BLUR_WIDTH = 3
-"""Reduced pixels beside an outline in which the contrast across it may come and go."""
+"""Reduced pixels beside an outline within which the contrast across it may vary."""
 
 MIN_AREA = 0.002
-"""Of a part, as a share of the image."""
+"""Least area of a part, as a fraction of the image."""
 
 QUIET_FRACTION = 0.12
-"""A part belongs to the camera if edges come and go on so small a share of it, compared with the liveliest part."""
+"""A part belongs to the camera if the fraction of it on which edges change is at most this, relative to the part that
+changes most."""
 
 MOVED_FRACTION = 0.15
-"""Share of the liveliest part on which edges come and go, if the camera has moved (0.19 to 0.7; standing, up to 0.12)."""
+"""The camera has moved if edges change on at least this fraction of the part that changes most (moving 0.19 to 0.7;
+standing up to 0.12)."""
 
 LARGE_AREA = 0.05
-"""Share of the image from which a part may be the liveliest."""
+"""Least area of the part that changes most, as a fraction of the image."""
 
 SCENE, OWN = 1, 2
 

@@ -17,36 +17,39 @@ from ffseg.image.components import Component, merged
 ROBOT_MARGIN = 10
 """Pixels round the robot's disc that its border blurs."""
 CELL = 0.075
-"""Metres; the search lands within half a cell, which the half-resolution refinement reaches."""
+"""Metres: the search is precise to half a cell, within the range of the refinement at half resolution."""
 CELLS = 64
 PADDING = 1.5
-"""Of the transform: shifts of up to half the view (2.4 m) do not wrap."""
+"""Padding factor of the Fourier transform: shifts of up to half the view (2.4 m) do not wrap."""
 FINALISTS = 5
-"""Turns that are tried at full resolution: in 40 rendered pairs the right one came first or second in halved views."""
+"""Rotations tested at full resolution: in 40 rendered pairs the right one was first or second at half resolution."""
 SURE_PEAK = 0.48
-"""Correlation of a finalist that spares the other turns; faint ground is searched at full resolution throughout."""
+"""Correlation of a finalist at which no further rotation is tested; faint ground is searched at full resolution
+throughout."""
 TURNS = np.deg2rad(np.arange(-30.0, 30.1, 1.5))
-"""Rotations tried between two images first: a robot rarely turns faster."""
+"""Radians: rotations between two images tested first; robots rarely turn faster."""
 WIDE_TURNS = np.deg2rad(np.concatenate([np.arange(-180.0, -30.0, 2.0), np.arange(32.0, 180.0, 2.0)]))
-"""Those tried when none of them fits."""
+"""Radians: rotations tested if none of those fits."""
 MAX_TURNS = 24
-"""Turns that are tried at full resolution at most."""
+"""Largest number of rotations tested at full resolution."""
 MOTIONS_EACH = 4
-"""Motions that are handed on of each range of turns."""
+"""Motions passed on from each range of rotations."""
 HALF_SMOOTHING = 1.4
-"""Pixels of the halved image: with the halving's own smoothing 3 pixels of the whole, which is half a cell 1 m away."""
+"""Pixels of the halved image: with the smoothing of the reduction 3 pixels of the original, half a cell at a distance of
+1 m."""
 TEXTURE_CLIP = 2.0
-"""Standard deviations of the ground's own texture at which a cell is cut: paint and boxes weigh no more than ground."""
+"""Standard deviations of the ground's texture at which a cell is clipped, so that paint and boxes weigh no more than
+ground."""
 MIN_OVERLAP = 0.3
-"""Share of the current cells that must find a partner."""
+"""Least fraction of the current cells with a counterpart."""
 MIN_ENERGY = 1e-4
-"""Part of the largest energy below which single precision would decide a correlation."""
+"""Fraction of the largest energy below which rounding in single precision would decide a correlation."""
 MIN_PEAK = 0.2
-"""Correlation that spares the refinement hopeless starts; whether the ground agrees is for its points to say."""
+"""Least correlation of a motion passed on to the refinement, which decides by points of the ground."""
 SMOOTHED_NOISE = 0.095
-"""Part of the pixels' noise that the view's smoothing leaves."""
+"""Fraction of the pixel noise that remains after the smoothing of the view."""
 NOISE_SHRINKAGE, NOISE_CLIP = 2.0, 8.0
-"""Noise levels that a cell is pulled toward zero by, and at which one on bare ground is cut."""
+"""Noise levels by which a cell is shrunk towards zero, and at which it is clipped on bare ground."""
 
 
 def search_ground_motions(

@@ -14,17 +14,17 @@ from ffseg.image.components import Component
 from ffseg.image.interest import NO_POINTS, InterestPoints, harris_points, outline_points, strongest
 
 GRID_STEP = 28
-"""Pixels between points of the free space: some 130 of them in an 800x600 image."""
+"""Pixels between sample points of the free space: about 130 points in an 800x600 image."""
 CLEARANCE = 10
-"""Pixels a point of the free space keeps from everything else: its patch must show ground only."""
+"""Pixels between a sample point of the free space and anything else, so that its patch shows ground only."""
 RIM_MARGIN = 8.0
-"""Pixels inside the rim: what is nearer to it is cut off, not standing on the ground."""
+"""Pixels from the rim of the view: outlines nearer to it are cut off there and do not stand on the ground."""
 MAX_CORNERS = 10
-"""Of a component, that the structural test looks at; more say the same again."""
+"""Corners of a component used in the structural test; more add no information."""
 CORNERS, EDGES, BORDER = 6, 12, 72
-"""Most corners and edge samples of a component, and samples of the border of the free space."""
+"""Largest numbers of corners and edge samples of a component, and of samples of the border of the free space."""
 FREE, FOOT = -1, -2
-"""Owners of points that belong to no component: texture of the free space, and its border."""
+"""Owner numbers of points outside components: texture of the free space, and its border."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

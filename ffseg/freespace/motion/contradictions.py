@@ -12,13 +12,14 @@ from ffseg.camera.motion import Motion, Pose, planar_place, planar_pose, relativ
 from ffseg.freespace.motion.ground import GroundFit
 
 MAX_HEIGHT, MAX_STEP = 8.0, 25.0
-"""Metres: no robot carries its camera higher, or moves further between two images that are to be compared."""
+"""Metres: larger mount heights, or steps between two compared images, point to a wrong unit."""
 MIN_AGREEMENT_RATIO = 1.5
-"""Times as many points must agree with another reading of the poses as with the one given."""
+"""Another interpretation of the poses must have this many times the inliers of the given one."""
 EQUAL_AGREEMENT = 0.9
-"""Of the most points, so many make a reading as good as the best; the one that the ground corrects least is taken."""
+"""Interpretations with this fraction of the most inliers count as equally good; the one that the ground corrects least
+is chosen."""
 MIN_CHANGE = 0.03, np.deg2rad(2.0)
-"""Metres and radians by which another reading must differ from the one given to be another one."""
+"""Metres and radians by which an interpretation must differ from the given one to count as another."""
 
 Confirmed = Callable[[Motion, Camera], tuple[GroundFit, float] | None]
 

@@ -19,24 +19,25 @@ from ffseg.image.keypoints import plane_pixels
 from ffseg.image.planes import CELL, search_ground_motions
 
 POSE_TRANSLATION_SIGMA, POSE_ROTATION_SIGMA = 0.02, np.deg2rad(0.5)
-"""Of a pose that does not say its own, relative to the baseline and in radians: wheel odometry over one step."""
+"""Standard deviations of poses that state none, relative to the baseline and in radians: wheel odometry over one step."""
 MIN_POSE_SIGMA = 0.001, 1e-4
-"""Metres and radians: rounding and time stamps."""
+"""Metres and radians: smallest standard deviations of poses (rounding, time stamps)."""
 MAX_SIGMAS = 5.0
-"""Standard deviations by which poses and ground may differ before neither is believed."""
+"""Standard deviations by which poses and ground may differ before neither is trusted."""
 SLACK_METRES = 0.02
-"""What the poses of a standing robot may differ by: their own rounding and time stamps."""
+"""Metres by which the poses of a standing robot may differ (rounding, time stamps)."""
 MIN_PARALLAX = 0.5
-"""Pixels between the ground and the threshold's altitude; with less a pair cannot tell paint from a box."""
+"""Pixels of parallax between the ground and the altitude threshold; with less a pair cannot tell paint from a box."""
 GOOD_FRACTION = 0.6
-"""Share of agreeing points that spares a look farther away."""
+"""Fraction of inliers from which no wider search is made."""
 SURE_FRACTION, SURE_INLIERS, SURE_ANSWER = 0.6, 20, 0.4
-"""Agreeing points of the well-placed, in all, and of those asked, by which the ground contradicts poses or stands alone.
-Rendered pairs of unrelated grounds come to 0.28 of those asked, right ones to 0.78 and more."""
+"""Inliers, as a fraction of the well-placed points, in number, and as a fraction of all candidates, from which the
+ground overrules poses or replaces them. Rendered pairs of unrelated grounds reach 0.28 of all candidates, matching
+ones 0.78 and more."""
 SEARCH_SIGMAS = 1.5 * CELL, np.deg2rad(2.0)
-"""Of a motion found without poses, metres and radians."""
+"""Metres and radians: standard deviations of a motion found without poses."""
 PRESENT: tuple[tuple[Look, ...], ...] = (("full", "full"), ("half", "full", "full"), ("far", "half", "full", "full"))
-"""Ways to place the ground's points round a prior, the cheapest first."""
+"""Ways to place the ground points near a prior, in order of cost."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -16,29 +16,29 @@ from ffseg.freespace.motion.tracking import Look, TrackedPoints, track_points
 NOD, LEAN, LIFT = np.deg2rad(0.15), np.deg2rad(0.15), 0.002
 """Standard deviations of nod, lean (radians) and lift (metres): the plane as a strong prior."""
 HEAVY_TAIL = 2.0
-"""Standard deviations from which a nod that the ground shows is believed as it is: robots do nod now and then."""
+"""Standard deviations from which a nod measured from the ground is used without shrinkage, as robots do nod occasionally."""
 MAX_DEVIATION = np.array([0.05, *[np.deg2rad(4.5)] * 4])
-"""Lift, nods and leans (metres, radians) beyond which it is no robot on a floor, but a chance agreement."""
+"""Lift, nods and leans (metres, radians) beyond which a motion is a chance agreement and not that of a robot on a floor."""
 GATE = 3.5
-"""Standard deviations of a whitened residual."""
+"""Standard deviations: inlier threshold on a whitened residual."""
 MAX_PRIOR_COST = 25.0
-"""What a prior that is far off costs at most in the choice between motions: two points that disagree."""
+"""Largest cost of deviating from the prior when motions are compared: that of two outliers."""
 TRIALS, SAMPLE, BATCHES, JUDGES = 96, 4, 5, 150
-"""Sets of four points a batch, batches, and points that judge them. With 40 % of the points agreeing the batches miss
-four of them once in 200,000 times, and the prior is a trial itself."""
+"""RANSAC: minimal sets per batch, points per set, batches, and points that score them. With 40 % inliers all batches
+miss a clean set once in 200,000 times, and the prior is a trial of its own."""
 CLEAR_FRACTION = 0.55
-"""Share of agreeing points that spares further batches."""
+"""Fraction of inliers from which no further batch is drawn."""
 ROUNDS = 6
 CONVERGED = 1e-5
-"""Metres and radians; a tenth of what the ground resolves at best."""
+"""Metres and radians: a step below a tenth of what the ground can resolve ends the refinement."""
 MAX_PREDICTION_CHANGE = 0.3
-"""Pixels a motion may have changed its predictions by for the placements made from them to stand."""
+"""Pixels by which a refined motion may change predictions for the placements made from them to remain valid."""
 MIN_INLIERS = 8
-"""Points that must agree: the motion has five parameters that no prior holds."""
+"""Least number of inliers: the motion has five parameters without a prior."""
 MIN_OWNERS = 3
-"""Things these points must belong to; every point of the free space is one of its own."""
+"""Least number of different owners among the inliers; every point of the free space is its own."""
 MIN_INLIER_FRACTION = 0.35
-"""Share of well-placed points that must agree: the rest is what moves, shines or stands up."""
+"""Least fraction of well-placed points that must be inliers: the rest moves, shines or stands above the ground."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -26,23 +26,24 @@ Look = Literal["far", "half", "full"]
 PATCH_RADIUS = 6
 FAR_RADIUS = 4
 MIN_SCORE = 0.35
-"""Correlation of a patch of 169 pixels that noise alone reaches once in ten thousand; the fit sees to the rest."""
+"""Least correlation of a patch of 169 pixels; noise alone reaches it once in ten thousand, which the robust fit tolerates."""
 NOISE_SLOPES = 0.2
-"""Information per pixel of a patch that noise alone pretends to: its own slopes over its own variance."""
+"""Apparent information per pixel of a patch of pure noise: its own squared slopes over its variance."""
 MAX_SIGMA = 0.7
-"""Pixels, in the best direction; a patch that cannot be placed better says nothing."""
+"""Pixels, in the best direction: patches placed less precisely are dropped."""
 MIN_SIGMA = 0.15
-"""Pixels; interpolation and the small curvature of the warp leave this even on strong texture."""
+"""Pixels: smallest standard deviation of a placement; interpolation and the curvature of the warp leave this even on
+strong texture."""
 HALF_SIGMA, FAR_SIGMA = 0.5, 0.8
-"""The same at half the resolution, where a nearly right prediction is all that is asked for, and after a far look."""
+"""Pixels: the same at half the resolution, where an approximate prediction suffices, and after a wide search."""
 FAR_STEPS = 8
-"""Pixels at half the resolution that a far look reaches to either side."""
+"""Pixels at half the resolution: range of the wide search to each side."""
 FAR_SCORE = 0.6
-"""Correlation of the best place of a far look; with 289 places noise alone reaches 0.45."""
+"""Least correlation of the best place of a wide search; over 289 places noise alone reaches 0.45."""
 TINY = 1e-12
-"""1/px^2; keeps directions of a placement that knows none from being 0/0."""
+"""1/px^2, added where a placement has no information in a direction, to avoid 0/0."""
 FAINT = 1e-9
-"""1/px^2; keeps a placement along an edge from being singular."""
+"""1/px^2, added to keep the information of a placement along an edge from being singular."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
