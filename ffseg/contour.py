@@ -1,4 +1,4 @@
-"""The contour that a method finds in a scene whose edges are known: bounded, started in free places, evolved."""
+"""The contour of a scene with known edges: bounded by the domain, started in free places, evolved by the method."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from ffseg.starts.sides import on_one_side
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ContourResult:
-    """What a method found.
+    """The outcome of a method, with the scene that it was applied to.
 
     Attributes
     ----------
@@ -46,14 +46,14 @@ class ContourResult:
 
 
 def trial_result(edges: EdgeMap) -> ContourResult | None:
-    """What a contour has found on an edge map, where its source has asked for one; not where the map was changed since."""
+    """The trial contour that the evidence source has already evolved on this edge map; None if the map was changed since."""
     tried_on, found = edges.trial or (edges, None)
     names = (one.name for one in fields(EdgeMap) if one.name != "trial")
     return found if all(getattr(tried_on, name) is getattr(edges, name) for name in names) else None
 
 
 def contour(scene: Scene) -> ContourResult:
-    """Ask the method of a scene for its contour.
+    """Evolve the contour of a scene with its method.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def contour(scene: Scene) -> ContourResult:
 
 
 def outermost(scene: Scene) -> Scene:
-    """The scene without start circles that lie in others, to the pixel: two contours would cover one region and never rest."""
+    """The scene without start circles that lie inside others: two contours would cover one region and never rest."""
     if len(scene.starts) < 2 or scene.start_mask is not None or scene.params.contour.balloon < 0:
         return scene
     x, y, radii = np.array([(one.x, one.y, one.radius) for one in map(as_circle, scene.starts)]).T
@@ -97,7 +97,7 @@ def outermost(scene: Scene) -> Scene:
 
 
 def bounded(scene: Scene) -> Scene:
-    """The scene with its edges bounded by the domain, the valid disc, and what grows from outside the region."""
+    """The scene with its edge map limited to the domain, the valid disc, and what the start reaches before its rivals."""
     edges, domain = scene.edges, scene.domain
     if edges.domain is None:
         limits = scene.disc if domain is None else domain
@@ -116,7 +116,7 @@ def bounded(scene: Scene) -> Scene:
 
 
 def run(scene: Scene) -> Outcome:
-    """What the method of a scene finds in it, as it stands.
+    """Apply the method of a scene to it, unchanged.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A picture that somebody has enlarged: segmented at the size it had before, so that both have the same region."""
+"""Enlarged images are segmented at their original size, so that both have the same region."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from ffseg.scene import Scene
 
 
 def before_enlargement(scene: Scene) -> Scene:
-    """The scene, with its starts, at the size that its picture had before it was enlarged by a whole factor; else the same.
+    """The scene at the size that its image had before an enlargement by an integer factor; else unchanged.
 
-    What interpolation has put between pixels tells nothing. A picture is taken as it is where more than masks is given at
-    its size: edges, maps, models, what a camera measures, lengths in pixels that are not the defaults.
+    Interpolated pixels carry no information. The image is used as it is if more than masks is given at its size: edges,
+    maps, models, camera measurements, or lengths in pixels other than the defaults.
     """
     params = scene.params
     at_its_size = (
@@ -34,7 +34,7 @@ def before_enlargement(scene: Scene) -> Scene:
 
 
 def enlarged(contours: tuple[FreeForm, ...], factor: int) -> tuple[FreeForm, ...]:
-    """Contours of a picture on its enlargement by a whole factor."""
+    """Contours at the size of the enlargement."""
     return tuple(one.affine(factor * np.eye(2), ((factor - 1) / 2,) * 2) for one in contours)
 
 
@@ -61,7 +61,7 @@ def _reduced(scene: Scene, factor: int, image: Image) -> Scene:
 
 
 def _placed(init: Init, factor: int) -> Init:
-    """Where contours start, on the picture before."""
+    """Start contours at the size of the original."""
     return replace(
         init,
         center="auto" if init.center == "auto" else _point(init.center, factor),
@@ -82,7 +82,7 @@ def _point(point: tuple[float, float], factor: int) -> tuple[float, float]:
 
 
 def _small(place: float, factor: int) -> float:
-    """Where a place along an axis lies on the picture before: pixels begin half a pixel before their centres."""
+    """A coordinate in the original: pixels begin half a pixel before their centres."""
     return (place + 0.5) / factor - 0.5
 
 

@@ -1,4 +1,4 @@
-"""How sure a result is: the IoU to expect, from 0 to 1, and what there is to doubt."""
+"""Confidence in a result: a score that estimates its IoU, and the reasons to doubt it."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ floor that fills the lower half of an image has 0.6."""
 EARLY_STOPS = ("max_iterations", "budget", "max_patches", "max_points")
 """Reasons to stop before the contour has come to rest."""
 
-MAX_SCORE_ACROSS = 0.5
-"""Largest score of a region whose start lies on both sides of an edge: either side may be meant."""
-
+MAX_DOUBTED_SCORE = 0.5
+"""Largest score of a region whose start lies on both sides of an edge (either side may be meant), or whose contour was
+stopped early."""
 
 OVERLAP_ODDS_RATIO = 3.25
 """Odds of the overlap that the prior expects, over the odds of the true IoU: fitted by logistic regression (slope 1.00)
@@ -38,7 +38,7 @@ to 127 drawings that it has not learned from, a dozen of each kind (``python -m 
 
 @dataclass(frozen=True, slots=True)
 class Doubt:
-    """A reason not to be sure.
+    """A reason to doubt a result.
 
     Attributes
     ----------
@@ -58,10 +58,10 @@ class Doubt:
 def judge_region(
     scene: Scene, found: ContourResult, contours: tuple[FreeForm, ...], mask: Mask
 ) -> tuple[float, tuple[Doubt, ...]]:
-    """Score of a region found in a scene as it was given, and what there is to doubt.
+    """Score of a region, and the reasons to doubt it.
 
-    The score is the overlap that the evidence lets expect, else the share of the boundary on clear edges; each doubt
-    bounds it, as a region without a boundary of its own has nothing to be sure of.
+    The score is the overlap expected by the evidence or, without evidence, the fraction of the boundary on clear edges.
+    Each doubt limits it.
     """
     domain = scene.disc if scene.domain is None else scene.domain
     doubts = tuple(_doubts(found, contours, mask, domain))
@@ -76,12 +76,12 @@ def judge_region(
 
 
 def calibrated(overlap: float) -> float:
-    """The IoU that results have in the mean of which the prior expects so much overlap."""
+    """Mean IoU of the results for which the prior expects this overlap."""
     return overlap / (overlap + OVERLAP_ODDS_RATIO * (1 - overlap))
 
 
 def expected_overlap(odds: Plane, mask: Mask) -> float:
-    """The IoU to be expected of a region if the probabilities are true: their sum in it over that of its union.
+    """Expected IoU of a region if the probabilities are right: their sum inside it over that of the union.
 
     Parameters
     ----------
@@ -118,11 +118,11 @@ def _doubts(found: ContourResult, contours: tuple[FreeForm, ...], mask: Mask, do
     if stats.stop_reason in EARLY_STOPS:
         yield Doubt(
             "early",
-            MAX_SCORE_ACROSS,
+            MAX_DOUBTED_SCORE,
             f"the contour was stopped after {stats.iterations} iterations ({stats.stop_reason})",
         )
     if found.across:
-        yield Doubt("start", MAX_SCORE_ACROSS, "")
+        yield Doubt("start", MAX_DOUBTED_SCORE, "")
 
 
 def border_share(contours: tuple[FreeForm, ...], shape: tuple[int, ...], domain: Image | None) -> float:

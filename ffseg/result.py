@@ -31,7 +31,7 @@ class Timings:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Segmentation(Savable):
-    """The region a segmenter found.
+    """The result of a segmentation.
 
     Attributes
     ----------

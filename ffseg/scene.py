@@ -38,7 +38,7 @@ class Progress:
 
 @dataclass(frozen=True, slots=True)
 class Stats:
-    """Counts of one segmentation, zero where a method has no such thing; ``stop_reason`` says why it ended.
+    """Counts of one segmentation (0 where a method has no such count); ``stop_reason`` says why it ended.
 
     Examples
     --------
@@ -60,7 +60,7 @@ class Stats:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """What a method found: contours, or a mask whose outlines are traced for it.
+    """What a method found: contours, or a mask whose outlines are then traced.
 
     Attributes
     ----------
@@ -109,7 +109,7 @@ NO_EDGES = EdgeMap(np.empty((0, 0), np.uint16), np.empty((0, 0), np.uint8), None
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """All that is known of an image while it is segmented: what was given, and what the steps before have found.
+    """Everything known about an image while it is segmented: its inputs, and the results of the steps so far.
 
     Edge sources and methods of your own take it as their one argument.
 
@@ -189,27 +189,27 @@ class Scene:
 
     @property
     def fixed(self) -> bool:
-        """Whether the starts stand where they must, as round a camera: not moved off edges, nor into its robot's disc."""
+        """Whether the starts must stay where they are, as those round a camera: they are not moved off edges."""
         return self.center is not None and self.params.init.center == "auto"
 
     @property
     def shuts_passages(self) -> bool:
-        """Whether what is too narrow counts as closed: there the contour ends in the open."""
+        """Whether passages that are too narrow are closed, so that contours end there without an edge."""
         return self.params.contour.clearance > 0 or self.footprint is not None
 
     @property
     def boxes(self) -> tuple[Box, ...]:
-        """Boxes that hold what is meant: all outside is background; none where a mask gives the starts."""
+        """Boxes that contain the object, everything outside being background; none if a mask gives the starts."""
         return self.params.init.boxes if self.start_mask is None else ()
 
     @property
     def clicked_outside(self) -> bool:
-        """Whether it is told what lies outside the region, but for boxes."""
+        """Whether points, circles or a mask outside the region are given (boxes do not count)."""
         return bool(self.params.init.background) or self.background is not None
 
     @property
     def has_hints(self) -> bool:
-        """Whether more is told than one start, which teaches what this image shows (the source ``hints``)."""
+        """Whether more than one start is given, from which the source ``hints`` learns what this image shows."""
         corrects = bool(self.boxes and self.params.init.circles)
         several = len(self.starts) > 1 and self.params.contour.balloon >= 0  # what closes in is each about one object
         return several or self.clicked_outside or corrects

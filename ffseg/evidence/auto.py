@@ -1,4 +1,4 @@
-"""The source ``auto``: the image's own edges where they are clear along the whole boundary, else what was learned."""
+"""The source ``auto``: the image's own edges if they are clear along the whole boundary, else learned evidence."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MET_STRENGTH = 0.5
 
 
 def auto(scene: Scene) -> EdgeMap:
-    """The image's own edges, if a contour on them stands on clear ones all round; else where the prior or the hints end.
+    """The image's own edges, if a trial contour stops on clear ones all round; else those of the prior or clicks.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def auto(scene: Scene) -> EdgeMap:
 
 
 def _mends_a_rim(scene: Scene) -> bool:
-    """Whether a click is so narrow beside another that it holds its pixels only: no contour may grow from it."""
+    """Whether a click is so narrow, compared with another, that it fixes its own pixels only and starts no contour."""
     if len(scene.params.init.circles) < 2:
         return False
     from ffseg.evidence.hints import showing  # loads forests
@@ -55,7 +55,7 @@ def _mends_a_rim(scene: Scene) -> bool:
 
 
 def _not_told_outside(scene: Scene) -> Scene:
-    """The scene without clicks outside: a contour on edges that are clear all round shows whether it needs them."""
+    """The scene without clicks outside: the trial contour shows whether clear edges make them unnecessary."""
     if not scene.clicked_outside:
         return scene
     init = replace(scene.params.init, background=())
@@ -70,7 +70,7 @@ def _holds_clicks_outside(found: ContourResult, scene: Scene) -> bool:
 
 
 def _trial(scene: Scene) -> ContourResult | None:
-    """What the method finds on the image's own edges, where nobody would doubt them."""
+    """The contour on the image's own edges, or None if its boundary is not clear."""
     scene = bounded(scene)
     begin = perf_counter()
     scene, messages, across = on_one_side(scene)
@@ -88,6 +88,6 @@ def _trial(scene: Scene) -> ContourResult | None:
 
 
 def _least_met(scene: Scene) -> float:
-    """Strength below which parts of a boundary lie in the open: at shut passages, and in a snake's slits."""
+    """Edge strength below which parts of a boundary are open: at closed passages, and in the slits of a snake."""
     slits = scene.method is not None and scene.method.slits
     return MET_STRENGTH if slits or scene.shuts_passages else 0.0

@@ -1,4 +1,4 @@
-"""A forest grown from drawings, which the masks at hand correct where it serves them already."""
+"""A forest grown on drawings, from which `ffseg learn` continues if it already suits the given masks."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def base() -> Forest:
 
 
 def odds_of(forest: Forest, rows: Floats) -> Floats:
-    """Log odds of inside that a forest gives pixels.
+    """Log odds of inside of pixels, by a forest.
 
     Parameters
     ----------
@@ -50,12 +50,12 @@ def odds_of(forest: Forest, rows: Floats) -> Floats:
 
 
 def enough_of(masks: int) -> float:
-    """Mean IoU on so many masks from which on the forest is corrected."""
+    """Least mean IoU on this many masks for the forest to be corrected rather than replaced."""
     return float(MIN_IOU + IOU_SPREAD / masks**0.5)
 
 
 def mean_overlap(odds: Sequence[Floats], inside: Sequence[Mask]) -> float:
-    """Mean over images of the IoU on their pixels."""
+    """Mean over images of the IoU of their pixels."""
     overlaps = []
     for one, known in zip(odds, inside, strict=True):
         found = one >= 0

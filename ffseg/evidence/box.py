@@ -1,8 +1,8 @@
-"""The source ``box``: what a forest learned from drawings and a cut by colours say of the object inside a box.
+"""The source ``box``: the object inside a box, by a forest grown on drawings and a graph cut by colours.
 
-It looks at each box and its surroundings at one size, so that a picture and its enlargement give the same. The forest sees
-what the prior sees, with all that lies outside the box for a start, and beside it the same from the core of the box.
-It is part of the package; ``python -m ffseg.learning.grow`` makes it.
+Each box is looked at with its surroundings at one size, so that an image and its enlargement give the same. The forest
+uses the features of the prior with everything outside the box as the start, and the same features seen from the core of
+the box. It is part of the package; ``python -m ffseg.learning.grow`` makes it.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ FEATURE_NAMES = (*PIXEL_FEATURES, *SURROUNDINGS_FEATURES, *BOX_FEATURES)
 
 
 def box_edges(scene: Scene) -> EdgeMap:
-    """Edges where the object in each box ends, corrected by clicks; the image's own edges where nothing differs from outside.
+    """Edges where the object in each box ends, corrected by clicks; the image's own if nothing differs from outside.
 
     Raises
     ------
@@ -111,7 +111,7 @@ def box_edges(scene: Scene) -> EdgeMap:
 
 
 def in_box(image: Image, box: Box) -> tuple[tuple[slice, slice], Plane]:
-    """Evidence of the object in a box.
+    """Log odds of the object in a box.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def in_box(image: Image, box: Box) -> tuple[tuple[slice, slice], Plane]:
 
 
 def _with_cut(odds: Plane, image: Image, view: BoxView) -> Plane:
-    """Log odds after neighbours have voted; a cut by colours that finds much the same as they do has its say."""
+    """Smoothed log odds, combined with a graph cut by colours if that finds much the same region."""
     found = voted(odds, view.seen)
     height, width = (max(MIN_SIDE, side * CUT_SIZE // WORKING_SIZE) for side in view.seen.shape)
     shape = height, width
@@ -155,7 +155,7 @@ def _with_cut(odds: Plane, image: Image, view: BoxView) -> Plane:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BoxView:
-    """A box and its surroundings at the size at which the forest looks at them.
+    """A box with its surroundings at the working size: the input of the forest.
 
     Attributes
     ----------
@@ -234,7 +234,7 @@ def all_planes(view: BoxView) -> Plane:
 
 
 def _from_core(seen: Features, core: Image, others_way: Plane, out: Plane) -> None:
-    """Write what stands on ways from the core, and how much likelier a colour is in the core than outside the box."""
+    """Write the features seen from the core, and how much likelier a colour is in the core than outside the box."""
     planes = np.empty((1 + len(COLOURS), *core.shape), np.float32)
     write_strided(seen, ("slope@1.5", *COLOURS), planes)
     length, place = out[len(BARRIER_FEATURES)], len(BARRIER_FEATURES) + 1

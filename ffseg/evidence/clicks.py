@@ -57,7 +57,7 @@ class Click:
 
 @dataclass(frozen=True, eq=False)
 class ClickedImage:
-    """An image with what is known of it before any click.
+    """An image with what is known about it before any click.
 
     Attributes
     ----------
@@ -95,7 +95,7 @@ class ClickedImage:
         return None if self.base is None else self.reduced(self.base)
 
     def region(self, pixels: Mask) -> Mask:
-        """Where at least half of such a pixel lies in a region; if that is nowhere, any of it, or of its neighbours."""
+        """Evaluated pixels at least half of which lie in a region or, if there are none, any that touch it."""
         shares = self.reduced(pixels.astype(np.float32))
         if not shares.any():
             shares = reduced_mean(pixels.astype(np.float32), self.factor * STRIDE)
@@ -115,7 +115,7 @@ class ClickedImage:
         return found
 
     def correction(self, before: ClickState, disc: Mask, inside: bool, first_outside: bool) -> hints.Correction:
-        """A click on such a disc, beside the state before it."""
+        """A click on this disc, as a correction of a state."""
         region = before.odds > self.level
         depth = float(distances(~region if inside else region)[disc].max())
         return hints.Correction(disc, inside, before.odds, depth, first_outside and not inside)
@@ -125,7 +125,7 @@ class ClickedImage:
         return distances(~click.disc) <= CLICK_REACH * click.depth
 
     def known(self, clicks: Sequence[Click]) -> tuple[Mask, Mask]:
-        """Pixels known to lie inside and outside after some clicks; what both claim lies inside."""
+        """Pixels known to lie inside and outside after several clicks; what both claim lies inside."""
         inside, outside = self.inside.copy(), self.outside.copy()
         for click in clicks:
             add_disc(inside if click.inside else outside, click.x, click.y, click.radius)
@@ -164,12 +164,12 @@ class ClickState:
 
 
 def hint_edges(scene: Scene) -> EdgeMap:
-    """Edges where what was clicked ends: the source ``hints``."""
+    """Edges of the region given by clicks: the source ``hints``."""
     return with_clicks(scene, gradient(scene))
 
 
 def with_clicks(scene: Scene, own: EdgeMap, base: Plane | None = None) -> EdgeMap:
-    """Edges where the evidence falls to ``region.probability``; the image's own where clicks on both sides show the same.
+    """Edges where the evidence falls to ``region.probability``; the image's own if both sides show the same colours.
 
     Parameters
     ----------
@@ -218,7 +218,7 @@ def with_clicks(scene: Scene, own: EdgeMap, base: Plane | None = None) -> EdgeMa
 
 
 def _in_boxes(scene: Scene, odds: Plane) -> Scene:
-    """The scene with starts in what its boxes hold, but for what is known to lie outside: their middles say nothing."""
+    """The scene with starts in the regions found in its boxes, without what is known to lie outside."""
     outside = seeds(scene.params.init.background, np.zeros(scene.shape, np.bool_), scene.background)
     contour = replace(scene.params.contour, balloon=abs(scene.params.contour.balloon))
     circles = tuple(circle_start(circle, scene.params) for circle in scene.params.init.circles)
@@ -228,7 +228,7 @@ def _in_boxes(scene: Scene, odds: Plane) -> Scene:
 
 
 def _first(scene: Scene, inside: Mask) -> tuple[Mask, list[Click]]:
-    """What is known to lie inside at first, and the circles that follow: of circles alone the first begins."""
+    """What is known to lie inside at the beginning, and the circles that follow: of circles alone, the first comes first."""
     circles = () if scene.start_mask is not None else scene.params.init.circles
     begun = rasterize(scene.starts[len(circles) :], scene.shape) & inside
     for start, _ in zip(scene.starts, circles, strict=False):
@@ -239,7 +239,7 @@ def _first(scene: Scene, inside: Mask) -> tuple[Mask, list[Click]]:
 
 
 def state_after_all(clicked: ClickedImage, circles: Sequence[Click], points: Sequence[Click]) -> ClickState | None:
-    """The state after all clicks, of which each side has an order; None where both sides look the same and there is no base."""
+    """The state after all clicks, ordered on each side; None if both sides show the same colours and there is no base."""
     digest, done, lines = clicked.digest, tuple[Click, ...](), [list(circles), list(points)]
     state = _remembered((digest,), partial(_state_before, clicked))
     first_outside = not clicked.outside.any()
@@ -271,7 +271,7 @@ _viewed: dict[bytes, tuple[Mask, prior.PriorView]] = {}
 
 
 def _view(clicked: ClickedImage, inside: Mask) -> prior.PriorView:
-    """What the prior looks at from a region; the last is kept, as a click outside changes nothing of it."""
+    """The prior's view from a region; the last one is kept, as clicks outside do not change it."""
     last = _viewed.get(clicked.digest)
     if last is None or not np.array_equal(last[0], inside):
         _viewed.clear()
@@ -280,7 +280,7 @@ def _view(clicked: ClickedImage, inside: Mask) -> prior.PriorView:
 
 
 def _state_before(clicked: ClickedImage) -> ClickState | None:
-    """The state before any click, but after a mask of what lies outside."""
+    """The state before any click, corrected by a mask of what lies outside, if there is one."""
     odds = clicked.reduced_base
     if odds is None:
         odds = _view(clicked, clicked.inside).odds - np.float32(prior.CAUTION)
@@ -291,7 +291,7 @@ def _state_before(clicked: ClickedImage) -> ClickState | None:
 
 
 def first_state(clicked: ClickedImage, odds: Plane) -> ClickState:
-    """The state that begins with these log odds."""
+    """The initial state with these log odds."""
     return ClickState(
         odds, np.zeros(odds.shape, np.bool_), parts_holding(odds > clicked.level, clicked.region(clicked.inside))
     )
@@ -300,7 +300,7 @@ def first_state(clicked: ClickedImage, odds: Plane) -> ClickState:
 def _state_after(
     clicked: ClickedImage, before: ClickState, done: Sequence[Click], click: hints.Correction
 ) -> ClickState | None:
-    """The state after some clicks, of the last of which this is the correction."""
+    """The state after several clicks, of which the last is this correction."""
     inside, outside = clicked.known(done)
     answer = hints.hints(partial(_view, clicked), inside, outside, click, clicked.reduced_base)
     if answer is None:
@@ -311,7 +311,7 @@ def _state_after(
 def next_state(
     clicked: ClickedImage, before: ClickState, near: Plane, elsewhere: Plane, inside: Mask, click: hints.Correction
 ) -> ClickState:
-    """The state after a click: log odds `near` where they turn pixels near it to its side, `elsewhere` in other places."""
+    """The state after a click: log odds `near` where they change pixels near it to its side, `elsewhere` in other places."""
     disc, now, then = click.disc, near > clicked.level, elsewhere > clicked.level
     counted = parts_holding((now & ~then if click.inside else then & ~now) & clicked.near(click) | disc, disc)
     odds = np.where(counted, near, elsewhere)
@@ -325,7 +325,7 @@ def next_state(
 
 
 def _at_full_size(clicked: ClickedImage, state: ClickState) -> tuple[Plane, Mask]:
-    """Log odds and the region at the size of the image; where no click counted, with the details of the base."""
+    """Log odds and region at the size of the image; where no click counted, with the details of the base."""
     odds = clicked.enlarged(state.odds)
     if clicked.base is not None and clicked.reduced_base is not None:
         rest = clicked.base + clicked.enlarged(state.odds - clicked.reduced_base)

@@ -1,4 +1,4 @@
-"""Features of pixels: what they look like at several scales, and how they relate to the start region."""
+"""Pixel features: appearance at several scales, and relation to the start region."""
 
 from __future__ import annotations
 
@@ -114,14 +114,14 @@ class Features:
 
 
 def reduction(shape: tuple[int, ...], size: int = WORKING_SIZE) -> int:
-    """The whole factor by which an image of that shape is reduced."""
+    """The integer factor by which an image of this shape is reduced."""
     return max(1, -(-max(shape[:2]) // size))
 
 
 def features(
     image: Image, start: Mask, size: int = WORKING_SIZE, names: tuple[str, ...] = DEFAULT_FEATURES, least: float = 0.0
 ) -> Features:
-    """Features of an image, seen from a start region.
+    """Features of an image and its start region.
 
     Parameters
     ----------
@@ -174,12 +174,12 @@ def features(
 
 
 def geodesic(slope: Plane, inside: Image, out: Plane) -> None:
-    """Write the geodesic distance from the start, over gradients."""
+    """Write the geodesic distance from the start, with gradients as cost."""
     _core.evidence_geodesic(slope, inside, GEODESIC_STEP, MIN_COST, out)
 
 
 def reduced_region(region: Mask, factor: int) -> Image:
-    """A region at the reduced size: blocks of which at least half lies inside, or, if there are none, any.
+    """A region at the reduced size: blocks of which at least half lies inside or, if there are none, any part.
 
     Raises
     ------
@@ -198,7 +198,7 @@ def reduced_region(region: Mask, factor: int) -> Image:
 
 
 def broadened(inside: Image, least: float) -> Image:
-    """A region with what lies so near to it that a disc of its area would have the radius `least`."""
+    """A region enlarged to the area of a disc of radius `least`, by the pixels nearest to it."""
     reach = least - np.sqrt(np.count_nonzero(inside) / np.pi)
     if reach <= 0:
         return inside
@@ -217,7 +217,7 @@ def reduced_shape(shape: tuple[int, ...], factor: int) -> tuple[int, int]:
 
 
 def reduced_mean(plane: Plane, factor: int) -> Plane:
-    """Means over blocks of ``factor`` x ``factor`` pixels; those at the far borders may be smaller."""
+    """Means over blocks of ``factor`` x ``factor`` pixels; blocks at the right and lower borders may be smaller."""
     counts = [np.minimum(np.arange(size, 0, -factor), factor) for size in plane.shape]
     sums = _sums_of_rows(_sums_of_rows(plane, factor).T, factor).T
     return np.ascontiguousarray(sums / (counts[0][:, None] * counts[1]), np.float32)
@@ -233,7 +233,7 @@ def _sums_of_rows(plane: Plane, factor: int) -> Plane:
 
 
 def enlarged(plane: Plane, factor: int, shape: tuple[int, int], stride: int = 1) -> Plane:
-    """A reduced plane at the size of the image: between the middles of the blocks, linear.
+    """A reduced plane at the size of the image, interpolated linearly between block centres.
 
     Parameters
     ----------
@@ -252,7 +252,7 @@ def enlarged(plane: Plane, factor: int, shape: tuple[int, int], stride: int = 1)
 
 
 def _likeness(found: Features) -> None:
-    """How much likelier the colour is in the start than in the image, smoothed by a pixel."""
+    """Log likelihood ratio of a pixel's colour, in the start over in the image, smoothed by one pixel."""
     light = found.names.index(f"light@{GEODESIC_SCALE:g}")
     ratio = np.empty_like(found["likeness"])
     _core.evidence_likelihood(found.planes[light : light + 3], found.inside, ratio)

@@ -54,7 +54,7 @@ REMEDY = "make it again with ffseg learn"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Forest:
-    """A boosted forest that tells pixels inside from others.
+    """A boosted forest that classifies pixels as inside or outside.
 
     Attributes
     ----------
@@ -118,7 +118,7 @@ class Forest:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Model:
-    """What a model file holds.
+    """Content of a model file.
 
     Attributes
     ----------
@@ -144,12 +144,12 @@ class Model:
     prior: float = 0.0
 
     def look(self, image: Image, start: Mask) -> Features:
-        """The features that the model needs of an image, seen from a start region (see `features`)."""
+        """The features that the model needs of an image and a start region (see `features`)."""
         opened = not OPENING_NAMES.isdisjoint(self.inside.features)
         return features(self.shown(image), start, self.size, ALL_FEATURES if opened else DEFAULT_FEATURES)
 
     def shown(self, image: Image) -> Image:
-        """The image as the model looks at it."""
+        """The image as the model expects it, with or without the correction of exposure."""
         return normalised_exposure(image) if self.exposed else image
 
     def map(self, seen: Features, native: _core.EvidenceForest | None = None, prior: Plane | None = None) -> Plane:

@@ -1,10 +1,10 @@
-"""Evidence from the last of several clicks (`ffseg.evidence.clicks`), by a forest learned from drawings.
+"""Log odds after the last of several clicks (`ffseg.evidence.clicks`), by a forest grown on drawings.
 
-The seeds inside (start regions) and outside (``init.background``) give the colours of both sides of this image and the
-geodesic distances (ways) from them. The forest's features are those of the prior seen from the seeds inside, the prior's
-log odds (or those of a model or a map of the image), the same ways and colours seen from the seeds outside, and, of the last
-click, the log odds before it, its depth in the error and the ways from it: the forest has learned to correct the errors that
-simulated users click. It is part of the package; ``python -m ffseg.learning.grow`` makes it.
+The seeds inside (start regions) and outside (``init.background``) give the colours of both sides of this image and
+geodesic distances from them. The features of the forest are those of the prior seen from the seeds inside; the prior's
+log odds (or those of a model or a map); the same distances and colours seen from the seeds outside; and, of the last
+click, the log odds before it, its depth in the error and the distances from it. So the forest has learned to correct the
+errors that simulated users click. It is part of the package; ``python -m ffseg.learning.grow`` makes it.
 """
 
 from __future__ import annotations
@@ -119,7 +119,7 @@ class Correction:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HintView:
-    """What the forest looks at.
+    """An image seen from the seeds of both sides: the input of the forest.
 
     Attributes
     ----------
@@ -134,11 +134,11 @@ class HintView:
 
     @property
     def seen(self) -> Features:
-        """Features from there."""
+        """Features seen from the seeds inside."""
         return self.own.seen
 
     def is_even(self) -> bool:
-        """Whether clicks outside show just the colours that those inside show, as in pictures of flat ink."""
+        """Whether clicks outside show the same colours as those inside, as in images of flat ink."""
         if not self.outside.any():
             return False
         inside, outside = _halved(self.seen.inside), _halved(self.outside)
@@ -150,7 +150,7 @@ class HintView:
 def hints(
     see: Callable[[Mask], prior.PriorView], inside: Mask, outside: Mask, click: Correction, base: Plane | None = None
 ) -> tuple[Plane, Plane] | None:
-    """Log odds of inside after the last click, a correction of those before it.
+    """Log odds of inside after the last click, as a correction of those before it.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ def hints(
 
 
 def near_and_elsewhere(odds: Plane, view: HintView, click: Correction) -> tuple[Plane, Plane]:
-    """The forest's log odds near a click and elsewhere, after seeds are set and neighbours have voted."""
+    """Log odds near a click and elsewhere, after the seeds are fixed and the result is smoothed."""
     odds = np.where(strided(view.outside) > 0, np.float32(-MAX_LOG_ODDS), odds)
     odds[strided(view.seen.inside) > 0] = MAX_LOG_ODDS
     near = blurred(voted(odds, view.seen), SMOOTHING / STRIDE)
@@ -202,7 +202,7 @@ def showing(inside: Mask, outside: Mask) -> tuple[tuple[Mask, int], tuple[Mask, 
 def _at_least(
     side: Sequence[tuple[tuple[slice, slice], Parts]], area: float, shape: tuple[int, ...]
 ) -> tuple[Mask, int]:
-    """The parts of so many pixels as one mask, and their number."""
+    """The clicks of at least this area as one mask, and their number."""
     kept = np.zeros(shape, np.bool_)
     for window, found in side:
         kept[window] = found.at_least(area)
@@ -210,7 +210,7 @@ def _at_least(
 
 
 def hint_view(own: prior.PriorView, outside: Mask) -> HintView:
-    """The image, seen from what is known to lie inside, and from what is known to lie outside, shape (H, W)."""
+    """The view of an image from what is known to lie inside and outside, shape (H, W)."""
     inside = own.seen.inside
     beyond = (
         broadened(reduced_region(outside, own.seen.factor), MIN_START_RADIUS)
@@ -222,7 +222,7 @@ def hint_view(own: prior.PriorView, outside: Mask) -> HintView:
 
 
 def all_planes(view: HintView, click: Correction, base: Plane | None = None) -> Plane:
-    """The planes that the forest takes, in its order, of every `STRIDE`-th pixel."""
+    """The features of the forest, in its order, at every `STRIDE`-th pixel."""
     seen, count = view.seen, len(prior.FEATURE_NAMES)
     planes = np.empty((len(FEATURE_NAMES), *strided(seen.inside).shape), np.float32)
     planes[:count] = view.own.planes
@@ -240,7 +240,7 @@ def all_planes(view: HintView, click: Correction, base: Plane | None = None) -> 
 def _both_sides(
     view: HintView, slope: Plane, colours: Plane, odds: Plane, own_way: Plane, own_barrier: Plane
 ) -> list[Plane]:
-    """What stands on ways from outside, how much likelier a colour is inside, and which side is nearer."""
+    """Distances from the seeds outside, how much likelier a colour is inside, and which side is nearer."""
     inside, outside = _halved(view.seen.inside), _halved(view.outside)
     barrier, length = np.zeros((len(BARRIER_FEATURES), *odds.shape), np.float32), np.zeros_like(odds)
     alike, other = likeness(colours, inside), np.zeros_like(odds)
@@ -269,7 +269,7 @@ def _both_sides(
 def _last_click(
     view: HintView, click: Correction, slope: Plane, colours: Plane, inside_way: Plane, outside_way: Plane
 ) -> list[Plane | float]:
-    """The log odds before the last click, and what stands on ways from it, beside those from all seeds."""
+    """The log odds before the last click, and the distances from it, beside those from all seeds."""
     other = strided(view.outside if click.inside else view.seen.inside)
     disc = np.where(other > 0, np.uint8(0), broadened(click.disc.view(np.uint8), MIN_START_RADIUS / STRIDE))
     disc = disc if disc.any() else click.disc.view(np.uint8)
@@ -289,12 +289,12 @@ def _last_click(
 
 
 def _halved(region: Image) -> Image:
-    """A region at every `STRIDE`-th pixel: where half of these lie in it, or, if there are none, any."""
+    """A region at every `STRIDE`-th pixel: where half of a block lies in it or, if there are none, any part."""
     return reduced_region(region > 0, STRIDE) if region.any() else strided(region)
 
 
 def _distance(region: Image) -> Plane:
-    """Distance to a region in parts of the root of the area."""
+    """Distance to a region as a fraction of the square root of the area."""
     length = np.empty(region.shape, np.float32)
     _core.evidence_geodesic(np.zeros_like(length), region, 1.0, 1, length)
     return length / np.float32(np.sqrt(length.size))

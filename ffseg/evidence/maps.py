@@ -1,4 +1,4 @@
-"""Maps of evidence: the probability of inside, or the strength of edges, as what stops a contour."""
+"""Edge maps from evidence: the probability of inside, or the strength of edges."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def log_odds(probability: float) -> float:
 
 
 def at_level(probability: Plane, level: float) -> Plane:
-    """Probabilities whose odds are divided by those of a level, which becomes one half; 0 and 1 stay.
+    """Probabilities with their odds divided by those of a level, which becomes one half; 0 and 1 stay.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def at_level(probability: Plane, level: float) -> Plane:
 def evidence_edges(
     probability: Plane, image_edges: EdgeMap, source: str = "evidence", odds: Plane | None = None
 ) -> EdgeMap:
-    """An edge map whose edges run where the probability of inside falls to one half.
+    """An edge map whose edges follow the level set at which the probability of inside falls to one half.
 
     Parameters
     ----------
@@ -99,14 +99,14 @@ def evidence_edges(
 
 
 def certain_odds(probability: Plane) -> Plane:
-    """Log odds of probabilities, as far as they are believed (`MAX_PROBABILITY`)."""
+    """Log odds of probabilities, limited to `MAX_PROBABILITY`."""
     certain = np.clip(probability, 1 - MAX_PROBABILITY, MAX_PROBABILITY)
     odds: Plane = np.log(certain / (1 - certain))
     return odds
 
 
 def odds_edges(odds: Plane, probability: float, image_edges: EdgeMap, source: str) -> EdgeMap:
-    """An edge map whose edges run where log odds fall to those of a probability: as `evidence_edges`.
+    """An edge map whose edges follow the level set of log odds at a probability, as `evidence_edges`.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def odds_edges(odds: Plane, probability: float, image_edges: EdgeMap, source: st
 
 
 def strength_edges(strength: Plane, image_edges: EdgeMap) -> EdgeMap:
-    """An edge map whose edges are where a map of edge strength reaches one half.
+    """An edge map with edges where a map of edge strength reaches one half.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Open areas: what a start reaches without crossing an edge of the image, through passages of several widths."""
+"""Open areas: what can be reached from the start without crossing an edge, through passages of several widths."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""What a forest learned from drawings says of a new picture: which pixels belong to what the start lies on.
+"""The learned prior: which pixels of an unknown image belong to the region of the start, by a forest grown on drawings.
 
-The forest sees no place in the image and no absolute position, only how a pixel looks, how it differs from the start
-region, and what stands on the best way there. It is part of the package; ``python -m ffseg.learning.grow``
+The forest uses no place in the image and no absolute position, only the appearance of a pixel, its difference from the
+start region, and what lies on the best path between them. It is part of the package; ``python -m ffseg.learning.grow``
 makes it.
 """
 
@@ -62,13 +62,13 @@ mean IoU of pixels gains .012 (standard error .003) on kinds left out, .004 on k
 
 
 def model() -> Compiled:
-    """The forest, as read and in the native core."""
+    """The forest, as read and as compiled in the native core."""
     return shipped(MODEL, FEATURE_NAMES)
 
 
 @dataclass(frozen=True, eq=False)
 class PriorView:
-    """What the forest looks at, from a start.
+    """An image seen from a start: the input of the forest.
 
     Attributes
     ----------
@@ -81,29 +81,29 @@ class PriorView:
 
     @cached_property
     def planes(self) -> Plane:
-        """What the forest takes (`all_planes`), shape (len(TAKEN), h, w)."""
+        """Features of the forest (`all_planes`), shape (len(FEATURE_NAMES), h, w)."""
         return all_planes(self.seen)
 
     @cached_property
     def forest_odds(self) -> Plane:
-        """Its log odds before neighbours vote, shape (h, w), at most ``MAX_LOG_ODDS`` either way."""
+        """Log odds of the forest before smoothing, shape (h, w), at most ``MAX_LOG_ODDS`` in absolute value."""
         forest, native = self.compiled
         return np.clip(forest.inside.log_odds(self.planes, native), -MAX_LOG_ODDS, MAX_LOG_ODDS)
 
     @property
     def odds(self) -> Plane:
-        """Its evidence at every `STRIDE`-th pixel of the reduced image, shape (h, w)."""
+        """Smoothed log odds at every `STRIDE`-th pixel of the reduced image, shape (h, w)."""
         return blurred(voted(self.forest_odds, self.seen), SMOOTHING / STRIDE)
 
 
 def prior_view(image: Image, starts: Mask, by: Compiled | None = None) -> PriorView:
-    """What the forest that ships, or another one, looks at."""
+    """The input of the forest that comes with the package, or of another one."""
     compiled = by or model()
     return PriorView(start_features(image, starts, compiled[0].size), compiled)
 
 
 def prior(image: Image, starts: Mask) -> Plane:
-    """Evidence of what belongs to the start.
+    """Log odds that pixels belong to the region of the start.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def prior(image: Image, starts: Mask) -> Plane:
 
 
 def start_features(image: Image, starts: Mask, size: int, least: float = MIN_START_RADIUS) -> Features:
-    """The features that the prior's planes are made of, at most so many pixels a side, from a start of `least` or more."""
+    """Features for the prior, from a start that is enlarged to the radius `least` if it is smaller."""
     return features(normalised_exposure(image), starts, size, SHAPELESS_FEATURES, least)
 
 
@@ -141,12 +141,12 @@ def all_planes(seen: Features) -> Plane:
 
 
 def prior_edges(scene: Scene) -> EdgeMap:
-    """Edges where the evidence falls to ``region.probability``: the source ``prior``."""
+    """Edges where the prior falls to ``region.probability``: the source ``prior``."""
     return with_prior(scene, gradient(scene))
 
 
 def with_prior(scene: Scene, image_edges: EdgeMap) -> EdgeMap:
-    """Edges where the evidence falls to its level; the image's own edges if the start covers nothing of the domain."""
+    """Edges where the prior falls to its level; the image's own edges if the start covers no pixel of the domain."""
     starts, domain = start_core(scene), scene.disc if scene.domain is None else scene.domain
     if domain is not None:
         starts &= domain > 0

@@ -1,4 +1,4 @@
-"""Edge sources that ask evidence: a model file (``edges.model``), or the map of an image (``--evidence``)."""
+"""Sources from outside: a model file (``edges.model``), or a map that comes with the image (``--evidence``)."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ MIN_START_RADIUS = 2.0
 
 
 def model_edges(scene: Scene) -> EdgeMap:
-    """Edges where the model of ``edges.model`` says that inside ends: the source ``model``.
+    """Edges where the model in ``edges.model`` falls to ``region.probability``: the source ``model``.
 
     Raises
     ------
@@ -60,14 +60,14 @@ def model_edges(scene: Scene) -> EdgeMap:
 
 
 def _before_clicks(scene: Scene) -> Mask:
-    """The start region; circles beside boxes are clicks that correct what is told of the middles of these."""
+    """The start region; circles beside boxes are clicks that correct the region found in them."""
     if not (scene.boxes and scene.params.init.circles):
         return start_core(scene)
     return rasterize(middles(scene.params, scene.shape), scene.shape)
 
 
 def model_odds(model: Model, image: Image, start: Mask, native: _core.EvidenceForest | None = None) -> Plane:
-    """What a model says of an image, seen from a start region, and of the prior where it asks it.
+    """Probability of inside by a model, for an image and its start region, with the prior where the model uses it.
 
     Returns
     -------
@@ -110,7 +110,7 @@ def _edges(scene: Scene, values: Plane, own: EdgeMap, source: str) -> EdgeMap:
 
 
 def with_model_start(image: Image, params: Parameters, background: Image | None = None) -> Parameters:
-    """The parameters with the start that a model finds, if it can; further circles that they name follow it.
+    """The parameters with the start that a model finds, if any; further circles given in them follow it.
 
     Notes
     -----
@@ -133,7 +133,7 @@ def with_model_start(image: Image, params: Parameters, background: Image | None 
 def model_start(
     image: Image, model: Model, most: float, outside: Mask | None = None
 ) -> tuple[float, float, float] | None:
-    """Centre and radius (px, at most `most`) of a disc in the largest sure region not known `outside`; None where nothing is."""
+    """Centre and radius (px, at most `most`) of a disc in the largest sure region not known `outside`, or None."""
     if model.start is None:
         return None
     factor = reduction(image.shape, model.size)
@@ -151,7 +151,7 @@ def model_start(
 
 
 def ready(path: str) -> Compiled:
-    """A model and its first forest in the native core, read once while the file stays as it is.
+    """A model and its first forest in the native core, kept in memory while the file is unchanged.
 
     Raises
     ------
@@ -162,7 +162,7 @@ def ready(path: str) -> Compiled:
 
 
 def learned_from(params: Parameters) -> frozenset[str]:
-    """Names of the images that ``edges.model`` was learned from, as far as its file tells."""
+    """Names of the images that ``edges.model`` was learned from, if its file has them."""
     path = params.edges.model
     if path is None or not path.endswith(FOREST_SUFFIX):
         return frozenset()
@@ -171,7 +171,7 @@ def learned_from(params: Parameters) -> frozenset[str]:
 
 
 def check_model(path: str, network: Network | None = None) -> None:
-    """Refuse a model that cannot be used before anything is run; a network is read in a process of its own.
+    """Refuse an unusable model before anything is run; a network is tried in a process of its own.
 
     Raises
     ------

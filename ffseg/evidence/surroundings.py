@@ -1,4 +1,4 @@
-"""What the prior looks at beside features of every pixel: ways at coarse scales, the frame of the image, usual gradients."""
+"""Further features of the prior: paths at coarse scales, the border of the image, typical gradients."""
 
 from __future__ import annotations
 
@@ -105,21 +105,21 @@ def colours_of(seen: Features) -> Plane:
 
 
 def likeness(colours: Plane, region: Image) -> Plane:
-    """Logarithm of how much likelier each colour is in a region than in all."""
+    """Log likelihood ratio of each colour, in a region over in the whole image."""
     ratio = np.empty(region.shape, np.float32)
     _core.evidence_likelihood(colours, region, ratio)
     return ratio
 
 
 def likelihood_ratio(colours: Plane, region: Mask) -> Plane:
-    """How much likelier each colour is in a region than in all else; nothing where there are not both."""
+    """Log likelihood ratio of each colour, in a region over outside it; zero if either is empty."""
     if not region.any() or region.all():
         return np.zeros(region.shape, np.float32)
     return likeness(colours, region.view(np.uint8)) - likeness(colours, (~region).view(np.uint8))
 
 
 def voted(odds: Plane, seen: Features) -> Plane:
-    """Log odds of every ``STRIDE``-th pixel each way after their neighbours have voted, though not across edges."""
+    """Log odds of every ``STRIDE``-th pixel after edge-preserving diffusion."""
     found, lab = np.empty_like(odds), np.empty((len(FINEST), *odds.shape), np.float32)
     write_strided(seen, FINEST, lab)
     _core.evidence_diffuse(np.ascontiguousarray(odds), lab, OWN_WEIGHT, VOTE_CONTRAST, VOTE_STEPS, found)
@@ -127,7 +127,7 @@ def voted(odds: Plane, seen: Features) -> Plane:
 
 
 def _ways(slopes: dict[str, Plane], start: Image) -> list[Plane]:
-    """What stands on ways from the start and from the frame of the image, and through passages only."""
+    """Geodesic and barrier distances from the start and from the border of the image, also through wide passages only."""
     slope = slopes["1.5"]
     planes = [plane for scale in GEODESIC_SCALES[1:] for plane in barriers(slopes[f"{scale:g}"], start)]
     length = np.empty_like(slope)
@@ -141,7 +141,7 @@ def _ways(slopes: dict[str, Plane], start: Image) -> list[Plane]:
 
 
 def _likenesses(seen: Features, colours: Plane) -> tuple[Plane, Plane]:
-    """How much likelier the colour is in the frame of the image than in the image, and how it is round a pixel."""
+    """Log likelihood ratios of colours: border of the image over image, of pixels and of their surroundings."""
     size = float(np.sqrt(seen.inside.shape[0] * seen.inside.shape[1]))
     likeness = np.empty_like(colours[0])
     _core.evidence_likelihood(colours, _frame(likeness.shape, max(2, int(FRAME_WIDTH * size)) // STRIDE), likeness)
@@ -149,7 +149,7 @@ def _likenesses(seen: Features, colours: Plane) -> tuple[Plane, Plane]:
 
 
 def _compared(slopes: dict[str, Plane], crossed: dict[str, Plane], inside: Mask) -> list[Plane]:
-    """Gradients that must be crossed beside those usual near the start; the gradient in the start."""
+    """Barriers on the path to a pixel relative to the typical gradient near the start; the gradient in the start."""
     rows, columns = np.nonzero(inside)
     y, x = np.arange(inside.shape[0])[:, None] - rows.mean(), np.arange(inside.shape[1]) - columns.mean()
     near = y * y + x * x <= NEAR_RADII**2 * np.count_nonzero(inside) / np.pi
@@ -159,7 +159,7 @@ def _compared(slopes: dict[str, Plane], crossed: dict[str, Plane], inside: Mask)
 
 
 def steepest(slope: Plane) -> Plane:
-    """The largest gradient of each ``STRIDE`` x ``STRIDE`` pixels, so that no way leads between two of them."""
+    """The largest gradient of each ``STRIDE`` x ``STRIDE`` block, so that no path slips between two evaluated pixels."""
     found = np.empty(reduced_shape(slope.shape, STRIDE), np.float32)
     _core.evidence_steepest(np.ascontiguousarray(slope), found)
     return found
@@ -177,7 +177,7 @@ def _frame(shape: tuple[int, int], width: int) -> Image:
 
 
 def barriers(heights: Plane, start: Image) -> Plane:
-    """What must be crossed on the minimax path from a start, a plane for each of ``BARRIER_FEATURES``."""
+    """What the minimax path from a start has to cross, a plane for each of ``BARRIER_FEATURES``."""
     planes = np.empty((len(BARRIER_FEATURES), *heights.shape), np.float32)
     _core.evidence_barrier(np.ascontiguousarray(heights), start, GRADIENT_STEP, planes)
     return planes

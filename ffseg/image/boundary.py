@@ -39,11 +39,11 @@ result changes."""
 
 
 class FaintError(Exception):
-    """What a contour on the way has met is too faint for its boundary to come out clear."""
+    """The edges that the evolving contour has met are too faint for a clear boundary."""
 
 
 class Boundary:
-    """How clear the image's own edges are along what a method found.
+    """How clear the image's own edges are along the contours of a result.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class Boundary:
         self.strength = gradients / high_threshold(edges)
 
     def is_clear(self, least: float = 0.0, share: float | None = None) -> bool:
-        """Whether it stands on edges that nobody would doubt.
+        """Whether the whole boundary lies on clear edges.
 
         Parameters
         ----------
@@ -81,7 +81,7 @@ class Boundary:
         return bool(fainter[int(share / 2 * len(fainter))] >= PLAIN_STRENGTH) and self._is_plain
 
     def clear_share(self) -> float:
-        """Share on clear edges, shared with one sample that is not; round a plain region less is clear."""
+        """Fraction of the boundary on clear edges, from joint to joint; for plain regions the lower threshold applies."""
         clear = np.count_nonzero(self.strength >= CLEAR_STRENGTH)
         if clear < (1 - FAINT_FRACTION) * len(self.strength) and self._is_plain:
             clear = np.count_nonzero(self.strength >= PLAIN_STRENGTH)
@@ -95,10 +95,9 @@ class Boundary:
 
 
 def unless_faint(edges: EdgeMap, least: float) -> Callable[[Any], None]:
-    """A callback that raises a `FaintError` when what an evolution has met is faint; met is what has at least that strength.
+    """A callback that raises `FaintError` once the edges met by an evolution, those of at least this strength, are faint.
 
-    Not looked at are the start, which is no contour on the way, if it has too few joints, and the end, which whoever asked
-    for the evolution looks at.
+    Not checked are the start, if it has too few joints, and the final contour, which the caller checks.
     """
 
     def watch(progress: Any) -> None:  # noqa: ANN401 - an `ffseg.scene.Progress`, of a higher floor

@@ -1,4 +1,4 @@
-"""The valid disc of a mirror or fisheye lens: the bright circle in a dark surround, found in the image itself."""
+"""The valid disc of a mirror or fisheye lens: the bright circle in a dark surround, detected in the image."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class Disc:
 
 
 def valid_disc(image: Image) -> Disc | None:
-    """The circle in which a mirror or fisheye shows its scene, or None where the image is an ordinary one.
+    """The circle in which a mirror or fisheye shows its scene, or None for ordinary images.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def _bright_level(grey: Image) -> float:
 
 
 def _corner_level(image: Image, step: int) -> float | None:
-    """Mean of the brightest of the four corners; None as soon as one is too bright for a surround."""
+    """Mean of the brightest of the four corners; None if one is too bright for a surround."""
     size = max(1, min(image.shape[:2]) // 16)
     ends, brightest = (slice(0, size, step), slice(-size, None, step)), 0.0
     for y, x in product(ends, ends):
@@ -149,7 +149,7 @@ def _circle_round(bright: Mask, grey: Image) -> Disc | None:
 
 
 def _may_be_round(bright: Mask) -> bool:
-    """Whether what is bright is about as wide as high, or the image cuts it."""
+    """Whether the bright part is about as wide as high, or cut by the border of the image."""
     x, y, width, height = cv2.boundingRect(bright.view(np.uint8))
     if not width:
         return False
@@ -159,7 +159,7 @@ def _may_be_round(bright: Mask) -> bool:
 
 
 def _outline(bright: Mask) -> Points:
-    """Points a pixel apart on the convex hull of what is bright, those at the image's border left out."""
+    """Points one pixel apart on the convex hull of the bright part, without those on the border of the image."""
     rows = np.nonzero(bright.any(axis=1))[0]
     if not len(rows):
         return np.empty((0, 2))
@@ -176,7 +176,7 @@ def _outline(bright: Mask) -> Points:
 
 
 def _fit(points: Points) -> tuple[Disc, Mask]:
-    """Circle of least algebraic error through the points, the far ones dropped and taken back until they stay."""
+    """Circle of least algebraic error; distant points are dropped and re-admitted until the set is stable."""
     centre = points.mean(axis=0)
     moved = points - centre
     rows, squares = np.column_stack([2 * moved, np.ones(len(moved))]), (moved**2).sum(axis=1)

@@ -1,4 +1,4 @@
-"""Grey levels evened out, and bright streaks taken out, before the gradient."""
+"""Correction of shading and removal of bright streaks, before the gradient is taken."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One exposure for all pictures that are learned from and asked of."""
+"""Correction of exposure and haze, for all images that forests learn from and are applied to."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ second all of it) is taken for haze or stray light and subtracted."""
 
 
 def normalised_exposure(image: Image) -> Image:
-    """The image without haze and with its mean level brought to `MEAN_LEVEL`, as another exposure would have given it."""
+    """The image without haze and with its mean level at `MEAN_LEVEL`."""
     counts = np.bincount(image[::SAMPLE_STEP, ::SAMPLE_STEP].ravel(), minlength=256)
     darkest = float(np.searchsorted(np.cumsum(counts), DARK_QUANTILE * counts.sum()))
     mean = max(float(counts @ np.arange(256)) / float(counts.sum()), 1.0)

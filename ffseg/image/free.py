@@ -1,4 +1,4 @@
-"""Free places for a start: pixels away from edges, the domain's limit and the border of the image."""
+"""Free places for a start: pixels away from edges, the limit of the domain and the border of the image."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def clear_distances(free: Mask) -> Plane:
 
 
 def deeper(free: Mask, least: float) -> Image:
-    """1 where a pixel lies farther than some pixels from the nearest one that is not free, as `clear_distances` measures it."""
+    """1 where a pixel lies farther than this from the nearest pixel that is not free, as `clear_distances` measures it."""
     side = int(least)
     near = np.hypot(*np.mgrid[-side : side + 1, -side : side + 1]) <= least
     padded = cv2.erode(np.pad(free, side).view(np.uint8), near.view(np.uint8))
@@ -49,7 +49,7 @@ def deeper(free: Mask, least: float) -> Image:
 
 
 def without_slivers(domain: Mask, view: Mask, free: Mask) -> Mask:
-    """The domain without what is not free only because an outline does not follow corners of what is left out of a view.
+    """The domain without slivers that are not free only because an outline cuts corners of what the view leaves out.
 
     Parameters
     ----------
@@ -62,9 +62,9 @@ def without_slivers(domain: Mask, view: Mask, free: Mask) -> Mask:
 
 
 def nearest_outside(mask: Mask) -> tuple[Plane, Indices]:
-    """Of every pixel of a mask: pixels to the nearest one that is not in it, and (row, column) of that one.
+    """For every pixel of a mask, the distance to the nearest pixel outside it, and (row, column) of that pixel.
 
-    Beyond the array nothing is in the mask.
+    Pixels beyond the array count as outside.
     """
     inside = np.pad(mask, 1).view(np.uint8)
     _, labels = cv2.distanceTransformWithLabels(inside, cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL)
@@ -78,14 +78,14 @@ def nearest_outside(mask: Mask) -> tuple[Plane, Indices]:
 
 
 def free_part_under(free: Mask, region: Mask) -> Mask | None:
-    """The connected free pixels that hold most of a region, or None where none of the region is free."""
+    """The connected free component that holds most of a region, or None if nothing of the region is free."""
     labels = connected_parts(free).labels
     counts = np.bincount(labels[region & free])
     return None if not len(counts) else np.asarray(labels == int(counts.argmax()), np.bool_)
 
 
 def open_sides(free: Mask) -> NDArray[np.int32]:
-    """Number of the connected free part that a pixel belongs to; 0 where none is, or it is narrower than two pixels."""
+    """Number of the connected free component of each pixel; 0 if it has none, or is narrower than two pixels."""
     square = np.ones((2, 2), np.uint8)
     fits = cv2.erode(free.astype(np.uint8), square, anchor=(0, 0))  # squares by their upper left pixels
     return connected_parts(np.asarray(cv2.dilate(fits, square, anchor=(1, 1)), np.uint8)).labels

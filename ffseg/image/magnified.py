@@ -1,7 +1,7 @@
-"""Pictures that have been enlarged: by what factor, and as they were before.
+"""Enlarged images: the factor, and the image before the enlargement.
 
-What interpolation has put between the pixels of a picture tells nothing: such a picture is segmented as it was before, so
-that it and its enlargement have the same region.
+Interpolated pixels carry no information: such an image is segmented at its original size, so that it and its enlargement
+have the same region.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ amplitude in each direction under interpolation, and at least three eighths of t
 
 
 def magnification(image: Image, most: float = FACTORS[0]) -> tuple[int, Image]:
-    """The whole factor, at most `most`, by which a picture has been enlarged, and what it was before; 1 and itself if by none.
+    """The integer factor, at most `most`, of an enlargement, and the original; 1 and the image itself if none.
 
     Parameters
     ----------
@@ -79,19 +79,19 @@ def magnification(image: Image, most: float = FACTORS[0]) -> tuple[int, Image]:
 
 
 def _liveliest(plane: Image) -> Plane:
-    """The rows with the greatest differences, of every few."""
+    """The rows with the largest changes, among every few."""
     step = max(1, len(plane) // MAX_LINES)
     return _core.liveliest_lines(plane, TESTED_LINES, step, LINE_STEP).reshape(-1, plane.shape[1])
 
 
 def _residuals(lines: Plane, factor: int) -> list[float]:
-    """The share of pixels in some lines that each kind cannot make between fewer."""
+    """For each interpolation, the fraction of the pixels in some lines that it cannot produce from fewer."""
     return _core.lines_amiss(lines, _residual_matrix(factor), factor, LEVEL_TOLERANCE, MAX_DIFFERENT_IN_LINES)
 
 
 @cache
 def _residual_matrix(factor: int) -> Plane:
-    """What takes from a line of pixels all that each kind of interpolation between fewer can make, shape (L, kinds * L)."""
+    """Projection of a line of pixels onto what no interpolation of each kind can produce, shape (L, kinds * L)."""
     knots, cut = LINE_KNOTS + 2 * KERNEL_REACH, slice(KERNEL_REACH * factor, -KERNEL_REACH * factor)
     found = []
     for kind in INTERPOLATIONS:
@@ -102,7 +102,7 @@ def _residual_matrix(factor: int) -> Plane:
 
 
 def _reduced(image: Image, factor: int, kind: int) -> Image:
-    """The picture whose enlargement comes nearest to this one."""
+    """The image whose enlargement comes nearest to this one."""
     size = image.shape[1::-1]
     less = (size[0] // factor, size[1] // factor)
     whole = image.astype(np.float32)

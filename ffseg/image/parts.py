@@ -1,4 +1,4 @@
-"""Parts of a mask: pixels that hang together."""
+"""Connected components of a mask."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ffseg.arrays import Image, Indices, Mask
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """The parts of a mask, numbered from 1 in the order of their first pixels; 0 is what lies outside.
+    """The connected components of a mask, numbered from 1 in the order of their first pixels; 0 is the outside.
 
     Attributes
     ----------
@@ -30,35 +30,35 @@ class Parts:
 
     @cached_property
     def areas(self) -> Indices:
-        """Pixels of each, none for 0, shape (N + 1,); counted when asked for, as half of the callers do not ask."""
+        """Pixels of each component, 0 for the outside, shape (N + 1,); computed on demand, as few callers need them."""
         found = np.bincount(self.labels.ravel(), minlength=self.number)
         found[0] = 0
         return found
 
     def touching(self, mask: Mask) -> NDArray[np.int32]:
-        """Numbers of those with a pixel in a mask."""
+        """Numbers of the components with a pixel in a mask."""
         found = np.unique(self.labels[mask])
         return found[found > 0]
 
     def pixels_of(self, numbers: NDArray[np.integer]) -> Mask:
-        """Pixels of some of them."""
+        """Pixels of some components."""
         chosen = np.zeros(self.number, np.bool_)
         chosen[numbers] = True
         return chosen.take(self.labels)
 
     def at_least(self, area: float) -> Mask:
-        """Pixels of those that have so many."""
+        """Pixels of the components of at least this area."""
         return self.pixels_of(np.flatnonzero(self.areas >= max(area, 1)))
 
 
 def connected_parts(mask: Mask | Image, *, corners: bool = False) -> Parts:
-    """The parts of a mask, whose pixels hang together over their sides, or over corners too."""
+    """The connected components of a mask, 4-connected or 8-connected."""
     number, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8 if corners else 4)
     return Parts(np.asarray(labels, np.int32), number)
 
 
 def parts_holding(mask: Mask, places: Mask, *, corners: bool = False) -> Mask:
-    """Pixels of the parts of a mask that have one of the places in them."""
+    """Pixels of the components that contain one of the places."""
     found, width = mask.astype(np.uint8), mask.shape[1]
     at = np.flatnonzero(places & mask)
     begun = at[(np.diff(at, prepend=-2) > 1) | (at % width == 0)]  # what lies in a row without a gap hangs together
@@ -69,7 +69,7 @@ def parts_holding(mask: Mask, places: Mask, *, corners: bool = False) -> Mask:
 
 
 def scattered(mask: Mask) -> Iterator[tuple[tuple[slice, slice], Parts]]:
-    """Parts of a mask that is nearly empty: rows and columns of windows that hold all of it, and the parts in each."""
+    """Components of a nearly empty mask: rows and columns of windows that hold all of it, and the components in each."""
     filled = np.pad(mask.any(axis=1), 1)
     for top, end in np.flatnonzero(filled[1:] != filled[:-1]).reshape(-1, 2).tolist():
         columns = np.flatnonzero(mask[top:end].any(axis=0)).tolist()

@@ -1,4 +1,4 @@
-"""Which regions and holes of a result are kept: one choice for its mask, its contours, and what tables and exports count."""
+"""Which regions and holes of a result are kept: one choice for its mask, its contours, tables and exports."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ffseg.parameters import Region
 
 
 def selected(contours: Sequence[FreeForm], mask: Mask, params: Region) -> tuple[tuple[FreeForm, ...], Mask]:
-    """The contours and the mask of what is kept.
+    """The contours and the mask of the regions and holes that are kept.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def selected(contours: Sequence[FreeForm], mask: Mask, params: Region) -> tuple[
 
 
 def count_regions(mask: Mask) -> tuple[int, int]:
-    """Regions and holes that a mask shows, connected as `selected` says."""
+    """Numbers of regions and holes in a mask, connected as in `selected`."""
     points, offsets = _core.mask_outlines(np.ascontiguousarray(mask).view(np.uint8))
     if len(offsets) < 2:
         return 0, 0
@@ -84,7 +84,7 @@ def _kept(mask: Mask, params: Region) -> Mask:
 
 
 def is_shown(contour: FreeForm, mask: Mask) -> bool:
-    """Whether a mask has a pixel of what an outer contour encloses, or lacks one of what a hole does."""
+    """Whether a mask has a pixel of the region of an outer contour, or lacks one inside a hole."""
     own = filled(contour, mask.shape)
     inside = mask[own.window()][own.mask]
     return bool(inside.any()) if contour.signed_area > 0 else not inside.all()

@@ -1,4 +1,4 @@
-"""How long an evolution goes on, ``contour.max_iterations`` and a budget of work to each pixel, and what it then says."""
+"""How long an evolution runs: ``contour.max_iterations``, and a budget of work per pixel."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ MIN_BUDGET = 10_000
 
 
 def iterations(params: Parameters) -> int:
-    """Iterations after which an evolution ends anyway; ``auto`` leaves that to its budget."""
+    """Largest number of iterations; ``auto`` leaves the limit to the budget."""
     most = params.contour.max_iterations
     return UNLIMITED if most == "auto" else most
 
 
 def budget(scene: Scene, to_pixel: int) -> int:
-    """Work after which an evolution ends anyway: so much to each pixel of the domain, and what the smallest image needs."""
+    """Largest amount of work: so much per pixel of the domain, and the minimum that the smallest image needs."""
     domain = scene.edges.domain
     pixels = scene.edges.edges.size if domain is None else int(np.count_nonzero(domain))
     return MIN_BUDGET + to_pixel * pixels
 
 
 def evolve(advance: Callable[[int], bool], scene: Scene, now: Callable[[], Progress]) -> None:
-    """Let an evolution go on until it ends; the scene's callback hears of the start and of where it is on the way."""
+    """Advance an evolution until it ends; the scene's callback is called at the start and at intervals."""
     if scene.callback is None:
         advance(UNLIMITED + 1)
         return
@@ -43,7 +43,7 @@ def evolve(advance: Callable[[int], bool], scene: Scene, now: Callable[[], Progr
 def stats_of(
     evolution: _core.Evolution | _core.PaperEvolution, starts: tuple[FreeForm, ...], contours: tuple[FreeForm, ...]
 ) -> Stats:
-    """What an evolution of patches has counted."""
+    """Counts of an evolution of patches."""
     counts = evolution.counts()
     return Stats(
         **{name: counts[name] for name in ("iterations", "splits", "prunes", "flips", "merges")},

@@ -1,4 +1,4 @@
-"""The method as it is printed: Algorithms 1 to 4 and nothing else, to be put beside what ffseg makes of it."""
+"""The method exactly as printed, Algorithms 1 to 4 only, for comparison with ``freeform``."""
 
 from __future__ import annotations
 

@@ -75,7 +75,7 @@ def run(scene: Scene) -> Outcome:
 
 
 def _points(start: FreeForm, spacing: float) -> Points:
-    """Points along the start contour, equally far apart."""
+    """Equidistant points along the start contour."""
     polygon = start.flatten()
     closed = np.concatenate([polygon, polygon[:1]])
     at = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(closed, axis=0).T))])

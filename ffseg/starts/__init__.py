@@ -1,1 +1,1 @@
-"""Where a contour starts: as asked, moved off edges, in further parts, against rivals."""
+"""Starts of the contour: as given, moved off edges, in further components, and against background fronts."""

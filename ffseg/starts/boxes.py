@@ -1,4 +1,4 @@
-"""Starts in the depth of what evidence tells in boxes."""
+"""Starts at the deepest places of the regions found in boxes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MIN_PART_FRACTION = 0.1
 
 
 def in_boxes(scene: Scene, odds: Plane | None) -> Scene:
-    """The scene with starts in the depth of what evidence tells in its boxes, beside circles that are given.
+    """The scene with starts at the deepest places of the regions found in its boxes, beside circles that are given.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Parts of a region that something in front of it cuts off from the start: a road beyond a car, a floor beyond a pillar."""
+"""Components of a region that something in front cuts off from the start: a road beyond a car, a floor beyond a pillar."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ STRIDE = 2
 
 
 def islands(odds: Plane, starts: Mask, most: float) -> tuple[Circle, ...]:
-    """Discs in the parts that are about as sure as the one round the starts, but do not hang together with it.
+    """Discs in the components about as sure as that of the starts, but not connected with it.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A start that lies on edges or outside the domain: moved or shrunk to the nearest free place, and said so."""
+"""Starts on edges or outside the domain: moved or shrunk to the nearest free place, with a message."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ edge without shrinking."""
 
 @dataclass(frozen=True, slots=True)
 class Circle:
-    """A start as it is told: centre and radius in pixels."""
+    """A start as messages state it: centre and radius in pixels."""
 
     x: float
     y: float
@@ -45,7 +45,7 @@ class Circle:
 
 
 def moved_starts(scene: Scene, remedy: str) -> tuple[Scene, str]:
-    """The scene with every start in the nearest free place that has room for it, and a sentence that says so.
+    """The scene with every start in the nearest free place with room for it, and a message about it.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def moved_starts(scene: Scene, remedy: str) -> tuple[Scene, str]:
 
 
 def nearest_free_circle(start: FreeForm, room: Plane, own: Mask | None) -> tuple[Circle, Circle]:
-    """A start as a circle of its area, and the free one nearest to it.
+    """A start as a circle of the same area, and the nearest free circle.
 
     Parameters
     ----------
@@ -110,13 +110,13 @@ def nearest_free_circle(start: FreeForm, room: Plane, own: Mask | None) -> tuple
 
 
 def as_circle(start: FreeForm) -> Circle:
-    """The circle of a start's middle and area."""
+    """The circle with a start's centre and area."""
     middle = start.control_points.mean(axis=0)
     return Circle(float(middle[0]), float(middle[1]), sqrt(abs(start.signed_area) / pi))
 
 
 def _cause(scene: Scene) -> str:
-    """Where the samples of the starts lie, as words to follow "lies"."""
+    """Where the samples of the starts lie, as words that follow "lies"."""
     points = np.rint(np.concatenate([start.flatten(0.5) for start in scene.starts])).astype(int)
     free = free_pixels(scene.edges.edges, scene.domain)
     height, width = free.shape

@@ -1,4 +1,4 @@
-"""Further starts, in parts of a told region that the contour from the first cannot reach."""
+"""Further starts, in components of the evidence's region that the contour from the first cannot reach."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ffseg.starts.initial import circle_start
 
 
 def starts_in_parts(scene: Scene) -> Scene:
-    """The scene with a start in each part that stays of what a model or a map says, where clicks correct it."""
+    """The scene with a start in each component of a model's or map's region that clicks have left."""
     stays, params = scene.edges.kept, scene.params
     if stays is None or _one_contour(scene):
         return scene
@@ -30,9 +30,9 @@ def starts_in_parts(scene: Scene) -> Scene:
 
 
 def start_core(scene: Scene) -> Mask:
-    """Pixels that show what is inside: the start region; of what closes in, which holds more than the object, its depth.
+    """Pixels that show what is inside: the start region or, of contours that close in round the object, its core.
 
-    As far as the object fills that: three fifths of the way to the start's limit.
+    The core is a disc of 0.6 times the radius of the largest inscribed one: the object is taken to fill that.
     """
     region = scene.start_region()
     if scene.params.contour.balloon >= 0 or not region.any():
@@ -45,13 +45,13 @@ def start_core(scene: Scene) -> Mask:
 
 
 def _one_contour(scene: Scene) -> bool:
-    """Whether there must be no starts but those asked for."""
+    """Whether no further starts may be added."""
     alone = scene.shuts_passages or scene.params.contour.balloon < 0 or not scene.params.contour.topology
     return alone or scene.method is None or not scene.method.merges
 
 
 def further_starts(scene: Scene) -> tuple[FreeForm, ...]:
-    """Start circles in the parts of a region that evidence tells: beyond narrow places, and apart from it but as sure.
+    """Start circles in components of the evidence's region: beyond narrow places, and separate but as sure.
 
     Parameters
     ----------

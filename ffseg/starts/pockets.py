@@ -1,4 +1,4 @@
-"""Parts of a region that a contour cannot reach through the narrow places between them."""
+"""Components of a region that a contour cannot reach because the passages between them are narrow."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Circle = tuple[float, float, float]
 
 
 def starts_beyond(free: Mask, starts: Mask, most: float) -> tuple[Circle, ...]:
-    """Discs in the parts that hang together with the starts, but only through narrow places.
+    """Discs in the components connected with the starts only through narrow places.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def starts_beyond(free: Mask, starts: Mask, most: float) -> tuple[Circle, ...]:
 
 
 def depths(region: Image) -> Plane:
-    """Distance of each pixel to what lies outside the region, the border of the image included."""
+    """Distance of each pixel to the outside of the region, which begins at the border of the image."""
     padded = cv2.copyMakeBorder(region, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
     depth: Plane = cv2.distanceTransform(padded, cv2.DIST_L2, 3)[1:-1, 1:-1]  # type: ignore[assignment]
     return depth

@@ -1,4 +1,4 @@
-"""Rivals: fronts that grow from what lies outside the region; the contour stops where it meets them."""
+"""Rival fronts, which grow from background seeds; the contour stops where it meets them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ well, thresholds from noise worse."""
 
 
 def within_rivals(edges: EdgeMap, start: Mask, params: Parameters, background: Image | None = None) -> EdgeMap:
-    """The edge map with its domain cut down to what the start reaches before its rivals do.
+    """The edge map with its domain limited to what the start's front reaches before its rivals.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def within_rivals(edges: EdgeMap, start: Mask, params: Parameters, background: I
 
 
 def seeds(points: Iterable[Seed], start: Mask, background: Image | None = None) -> Mask:
-    """Pixels known to lie outside: discs and points, and a mask; what a disc shares with the start is the start's.
+    """Pixels known to lie outside: discs, points and a mask; what a disc shares with the start belongs to the start.
 
     Raises
     ------

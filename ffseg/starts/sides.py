@@ -1,4 +1,4 @@
-"""A start circle that an edge or the domain's limit crosses: put on the side where most of it lies, and said so."""
+"""Start circles that an edge or the limit of the domain crosses: moved to the side that holds most of them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SEARCH_RADII = 1 + SIZE_WEIGHT
 
 
 def on_one_side(scene: Scene) -> tuple[Scene, tuple[str, ...], bool]:
-    """The scene with every start circle in the domain on one side of all edges, and sentences about those that were not.
+    """The scene with every start circle in the domain and on one side of all edges, and messages about moved ones.
 
     Returns
     -------
@@ -79,15 +79,15 @@ def on_one_side(scene: Scene) -> tuple[Scene, tuple[str, ...], bool]:
 
 
 def _window(start: Circle, reach: float) -> tuple[tuple[slice, slice], tuple[int, int]]:
-    """Rows and columns up to so far from a start's centre, and the first column and row."""
+    """Rows and columns within a distance of a start's centre, and the first column and row."""
     left, top = (max(int(at - reach), 0) for at in (start.x, start.y))
     return np.s_[top : int(start.y + reach) + 1, left : int(start.x + reach) + 1], (left, top)
 
 
 def _moved(start: FreeForm, free: Mask, sides: NDArray[np.int32], *, widest: bool = False) -> tuple[Circle, Circle]:
-    """A start as a circle, and the cheapest free one on the side that holds most of it, or of all its sides the widest.
+    """A start as a circle, and the cheapest free circle on the side that holds most of it, or on the widest of all sides.
 
-    In a mirror the widest is meant: a start round the middle shows the robot's own disc for the most part.
+    Under a mirror the widest is meant: a start round the middle shows mostly the robot's own disc.
 
     Notes
     -----
@@ -114,13 +114,13 @@ def _holds_edge(start: FreeForm, scene: Scene) -> bool:
 
 
 def _within(start: FreeForm, domain: Image) -> Mask:
-    """Of each pixel of a start whether it lies in the domain."""
+    """For each pixel of a start, whether it lies in the domain."""
     own = filled(start, domain.shape)
     return domain[own.window()][own.mask] > 0
 
 
 def _num_sides(start: FreeForm, sides: NDArray[np.int32]) -> int:
-    """Sides that the rim of a start lies on, or on the last pixel before: a sample there goes on to that side."""
+    """Number of sides that the rim of a start touches, or the pixel just inside it: samples there move on to that side."""
     points = start.flatten()
     points = np.vstack([points, points[:1]])
     passed = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])

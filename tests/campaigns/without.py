@@ -64,7 +64,7 @@ RULES = (
     Rule("islands worth a start", "starts/islands.py", {"MIN_AREA_FRACTION": 0.0}, _ISLANDS),
     Rule("the region fills its domain", "judge.py", {"FILLED_FRACTION": inf}, _JUDGE),
     Rule("the outline is the border", "judge.py", {"BORDER_FRACTION": inf}, _JUDGE),
-    Rule("early and across bound the score", "judge.py", {"MAX_SCORE_ACROSS": 1.0}, _JUDGE),
+    Rule("early and across bound the score", "judge.py", {"MAX_DOUBTED_SCORE": 1.0}, _JUDGE),
     Rule("the score is calibrated", "judge.py", {"OVERLAP_ODDS_RATIO": 1.0}, _JUDGE),
 )  # fmt: skip
 """Each rule of the default path, and how it is turned off."""
