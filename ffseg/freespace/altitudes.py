@@ -1,4 +1,4 @@
-"""The altitude term of the snake (Eq. 11): which interest points of a pair let it pass an edge."""
+"""The altitude term of the snake (Eq. 11): at which interest points of a pair it may pass an edge."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ MASK_RADIUS = 12.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AltitudePoints:
-    """Interest points as the snake takes them.
+    """Interest points in the form that the snake uses.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class AltitudePoints:
 
 
 def altitude_points(pair: ImagePair, epsilon: float) -> AltitudePoints:
-    """Matched interest points of the current image that may switch edges off, and those that stand up.
+    """Matched interest points of the current image: those that remove edges, and those above the ground.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def altitude_points(pair: ImagePair, epsilon: float) -> AltitudePoints:
 
 
 def _passable(points: Array, high: Mask, center: tuple[float, float]) -> Mask:
-    """Points beyond which the ground is seen again, with nothing standing behind or beside them."""
+    """Points beyond which ground is seen again, with nothing raised behind or beside them."""
     outward = points - center
     outward /= np.maximum(np.hypot(*outward.T), 1.0)[:, None]
     way = points[None] - points[:, None]
@@ -86,7 +86,7 @@ def _passable(points: Array, high: Mask, center: tuple[float, float]) -> Mask:
 
 
 def _tiles(camera: Camera) -> Iterator[Component]:
-    """What the camera sees of the scene, in squares."""
+    """The image of the scene, divided into squares."""
     across, down = np.arange(camera.width) - camera.center[0], np.arange(camera.height) - camera.center[1]
     seen = camera.domain() & (np.hypot(across[None, :], down[:, None]) > camera.robot_radius + ROBOT_MARGIN)
     places = [(x, y) for y in range(0, camera.height, TILE) for x in range(0, camera.width, TILE)]

@@ -1,4 +1,4 @@
-"""A picture of one image as seen from above: the ground in the robot's frame with the outline of its free space."""
+"""Bird's-eye view of one image: the ground in the robot's frame with the outline of its free space."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SCALE_LETTERS = (
 
 
 def birds_eye(image: Image, ground: Ground) -> bytes:
-    """PNG file: the robot's front up, its left to the left, the robot in the middle; outline, holes and a metre's bar.
+    """PNG file of the bird's-eye view: forward up, the robot in the middle; outline, holes and a scale bar of 1 m.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ Table = tuple[Indices, Indices, Mask]
 
 @lru_cache(maxsize=2)  # most images stand as the camera is mounted
 def _laid_out(camera: Camera) -> Table:
-    """Row and column in the image of each pixel of the picture, and whether it is in the image."""
+    """Row and column in the image of each pixel of the view, and whether it lies in the image."""
     axis = HALF_M - (np.arange(round(2 * HALF_M * SCALE)) + 0.5) / SCALE
     pixels = to_pixels(camera, np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1))
     column, row = np.rint(np.nan_to_num(pixels, nan=-1.0)).astype(np.intp).transpose(2, 0, 1)

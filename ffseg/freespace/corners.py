@@ -81,7 +81,7 @@ def match_corners(
 
 
 def _match_variance(rate: Array, warps: Array, covariance: Array) -> Array:
-    """Variance of ``rate . place``: noise of either image, the current one's through the warp, and the ground's doubt."""
+    """Variance of ``rate . place``: noise of both images (the current one's warped), and uncertainty of the ground."""
     back = np.stack(
         [rate[:, 0] * warps[:, 0] + rate[:, 1] * warps[:, 2], rate[:, 0] * warps[:, 1] + rate[:, 1] * warps[:, 3]],
         axis=1,
@@ -100,7 +100,7 @@ FINE_STEPS, COARSE_STEPS = 6, 21
 
 @lru_cache(maxsize=4)
 def _altitudes(mounting: float, epsilon: float) -> Array:
-    """Altitudes tried: fine round the ground, then evenly in parallax up to ``MAX_ALTITUDE``."""
+    """Tested altitudes: fine near the ground, then evenly spaced in parallax up to ``MAX_ALTITUDE``."""
     fine = np.linspace(-epsilon, epsilon, FINE_STEPS)
     nearness = np.linspace(1.0 / (mounting - epsilon), 1.0 / (mounting * (1.0 - MAX_ALTITUDE)), COARSE_STEPS + 1)[1:]
     altitudes: Array = np.concatenate([fine, mounting - 1.0 / nearness])

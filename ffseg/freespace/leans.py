@@ -1,4 +1,4 @@
-"""How a camera on a robot that nods leaned at each frame of a drive: from what pairs show, carried on from frame to frame."""
+"""Lean of the camera of a nodding robot at each frame of a drive, filtered over the leans that pairs show."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LEVEL: tuple[Array, float] = np.zeros(2), 0.0
 
 @dataclass(frozen=True, slots=True)
 class Lean:
-    """What a pair shows of how the camera leans.
+    """Lean of the camera as measured by a pair.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Lean:
 
 
 def lean_of(mounted: Camera | None, found: Camera | None, motion: Motion | None) -> Lean | None:
-    """What a pair's motion shows of how the camera leaned; None where no ground showed it."""
+    """Lean of the camera as measured by a pair's motion; None where no ground was seen."""
     if mounted is None or found is None or motion is None or motion.spread is None:
         return None
     x, y = (mounted.level()[:2] @ found.up).tolist()
@@ -50,7 +50,7 @@ def lean_of(mounted: Camera | None, found: Camera | None, motion: Motion | None)
 
 
 class Leans:
-    """Leans of the frames of a drive, a Kalman filter along it.
+    """Leans of the frames of a drive, by a Kalman filter.
 
     A pair shows to a hundredth of a degree by how much the camera nodded between its images, and to some tenths how it
     leans. How much this robot leans at all follows from its nods, as the difference of two leans: a level one is left level.
@@ -63,28 +63,28 @@ class Leans:
 
     @property
     def informative(self) -> bool:
-        """Whether any nod was seen."""
+        """Whether any nod was measured."""
         return bool(self._nods[1])
 
     @property
     def usual(self) -> float:
-        """Variance of a lean of this robot, to each side."""
+        """Variance of this robot's lean on each axis."""
         return float(self._nods[0] / max(self._nods[1], 1.0))
 
     @property
     def mean(self) -> Array:
-        """How the camera leans on the whole: level, unless pairs surely show that it is mounted askew."""
+        """Mean lean of the camera: level, unless the pairs clearly show that it is mounted askew."""
         x, y, sigma, number = self._seen.tolist()
         surely = number >= MIN_PAIRS and np.hypot(x, y) > LEAN_SIGMAS * sigma
         return self._seen[:2] / number if surely else np.zeros(2)
 
     def of(self, name: str) -> tuple[Array, float]:
-        """The lean of a frame, radians toward x and y, and its standard deviation per axis."""
+        """Lean of a frame, radians about x and y, and its standard deviation per axis."""
         lean, variance = self._known.get(name, LEVEL)
         return (self.mean, float(np.sqrt(self.usual))) if variance is None else (lean, float(np.sqrt(variance)))
 
     def follow(self, name: str, links: Sequence[Link], seen: Lean | None) -> None:
-        """Take the next frame, what its pair shows, and how the ground moved since earlier ones.
+        """Advance by one frame: the lean that its pair measured, and the motion since earlier frames.
 
         The first frame learns from the second how it leaned.
         """

@@ -100,7 +100,7 @@ class OccupancyMap:
 
     @property
     def probability(self) -> NDArray[np.float64]:
-        """That a cell is occupied, shape (rows, columns): rows along y, columns along x, 0.5 where nothing is known."""
+        """Probability of being occupied, shape (rows, columns): rows along y, columns along x, 0.5 where unknown."""
         odds, looks = self._told.astype(np.float64)
         return 1.0 / (1.0 + np.exp(-odds / (1.0 + FRAME_CORRELATION * np.maximum(looks - 1.0, 0.0))))
 
@@ -112,7 +112,7 @@ class OccupancyMap:
 
     @property
     def stations(self) -> tuple[Station | None, ...]:
-        """One for each frame; None where neither a pose nor the ground told where it was, and nothing was added."""
+        """One station per frame; None where neither pose nor ground located it, and nothing was added."""
         return tuple(
             one if one is None or self._flip > 0 else replace(one, y=0.0 - one.y, theta=0.0 - one.theta)
             for one in self._stations.values()
@@ -120,11 +120,11 @@ class OccupancyMap:
 
     @property
     def drift(self) -> tuple[float, float]:
-        """Standard deviations of the last station, metres and radians: what the map may be bent by."""
+        """Standard deviations of the last station, metres and radians: how far the map may be bent."""
         return (0.0, 0.0) if self._last is None else (self._last.sigma_m, self._last.sigma_rad)
 
     def add(self, frame: Frame, pose: Pose | None = None) -> bool:
-        """Fuse a frame: the next one of its sequence.
+        """Fuse the next frame of the sequence.
 
         Parameters
         ----------
@@ -146,7 +146,7 @@ class OccupancyMap:
         return self.fuse(str(len(self._stations)), sighting_of(frame), pose)
 
     def fuse(self, name: str, seen: Sighting, pose: Pose | None = None) -> bool:
-        """The same of a frame that is known by a name, which later frames' links may give.
+        """Fuse a frame under a name that links of later frames may refer to.
 
         Parameters
         ----------
@@ -169,7 +169,7 @@ class OccupancyMap:
         return station is not None
 
     def _due(self, now: tuple[str, Sighting, Station]) -> list[tuple[str, Sighting, Station]]:
-        """What is to be added: all of the drive's beginning once more when its first nod tells how the camera may have leaned."""
+        """Frames to add: the drive's whole beginning again once its first nod shows how far the camera may have leaned."""
         begun, self._begun = self._begun, []
         if self._leans.informative:
             if begun:
@@ -179,11 +179,11 @@ class OccupancyMap:
         return [now]
 
     def miss(self, name: str) -> None:
-        """Take note of a frame that is not there."""
+        """Record that a frame is missing."""
         self._stations[name] = None
 
     def _placed(self, seen: Sighting, pose: Pose | None) -> Station | None:
-        """Where a frame is: by its pose, by the motion since an earlier frame, or where both put it together."""
+        """Station of a frame: by its pose, by the motion since an earlier frame, or by both."""
         before = next(((one, link) for link in seen.links if (one := self._stations.get(link.name)) is not None), None)
         led = None if before is None else _moved(before[0], before[1].planar, seen.sigmas)
         if pose is None:
@@ -215,7 +215,7 @@ class OccupancyMap:
             )
 
     def _between(self, by_pose: Station, led: Station, step: tuple[float, float], *, stated: bool) -> Station:
-        """A pose and what the ground says, weighted by their variances; of a pose that states none, as they have differed.
+        """Pose and ground motion, weighted by their variances; poses without stated ones by how much both have differed.
 
         Of the ground the part counts by which its steps err alone, so many times a step's variance, and all that it has from
         stated poses before.
@@ -248,7 +248,7 @@ class OccupancyMap:
         window[1] += new
 
     def _grow(self, low: NDArray[np.int64], count: int) -> None:
-        """Make the grid hold a square of cells."""
+        """Enlarge the grid to hold a square of cells."""
         size = np.array(self._told.shape[:0:-1])
         if not size.any():
             self._corner = low.copy()
@@ -260,13 +260,13 @@ class OccupancyMap:
             self._corner = self._corner - before
 
     def levels(self) -> NDArray[np.uint8]:
-        """The image of map.pgm: the row of greatest y first; 254 free, 0 occupied, 128 unknown."""
+        """Grey levels of map.pgm: the row of greatest y first; 254 free, 0 occupied, 128 unknown."""
         chance = self.probability[::-1]
         made = np.where(chance > OCCUPIED, OCCUPIED_LEVEL, np.where(chance < FREE, FREE_LEVEL, UNKNOWN_LEVEL))
         return made.astype(np.uint8)
 
     def skeleton(self, footprint: float = 0.0) -> Skeleton:
-        """The ways over free cells as a graph.
+        """Graph of the passages over free cells.
 
         Parameters
         ----------
@@ -285,7 +285,7 @@ class OccupancyMap:
         return skeleton_of(chance < FREE, unknown, self.cell, self.origin, footprint)
 
     def save(self, folder: str | os.PathLike[str]) -> None:
-        """Write ``map.pgm`` and ``map.yaml`` (ROS's map_server), ``map.png`` to look at, and ``trajectory.csv``.
+        """Write ``map.pgm`` and ``map.yaml`` (ROS's map_server), ``map.png``, and ``trajectory.csv``.
 
         Raises
         ------
@@ -297,7 +297,7 @@ class OccupancyMap:
         write_all_atomic([(os.path.join(folder, name), data) for name, data in files.items()])
 
     def files(self, ways: Skeleton | None = None) -> dict[str, bytes]:
-        """The files that `save` writes, by name; the ways are drawn into the picture."""
+        """Contents of the files that `save` writes, by name; the graph is drawn into the picture."""
         levels = self.levels()
         x, y = self.origin
         head = f"P5\n# {self.cell} m a cell\n{levels.shape[1]} {levels.shape[0]}\n255\n".encode("ascii")
@@ -316,7 +316,7 @@ class OccupancyMap:
         }
 
     def picture(self, ways: Skeleton | None = None) -> bytes:
-        """PNG file: bright where it is free, dark where occupied; the camera's way magenta, other ways blue."""
+        """PNG file: free cells bright, occupied ones dark, the camera's path magenta, the graph blue."""
         if not self._told.size:
             raise OutputError("the map is empty: no frame has a place on it")
         low, high = self._bounds()
@@ -334,7 +334,7 @@ class OccupancyMap:
         return encode_overlay(large, lines)
 
     def _bounds(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """First column and row that the picture shows, and those after the last: what is known, and some round it."""
+        """Ranges of columns and rows shown in the picture: all known cells, with a margin."""
         row, column = np.nonzero(self._told[1])
         size = np.array(self._told.shape[:0:-1])
         if not len(row):
@@ -344,7 +344,7 @@ class OccupancyMap:
 
 
 def _moved(before: Station, planar: tuple[float, float, float], sigmas: tuple[float, float]) -> Station:
-    """The station after a motion; its errors add up, and an error of the turn shifts what lies ahead."""
+    """The station after a motion; errors add up, and an error of yaw shifts what lies ahead."""
     x, y, turn = planar
     c, s, length = np.cos(before.theta), np.sin(before.theta), float(np.hypot(x, y))
     step, bend = sigmas if sigmas[0] > 0 else (ODOMETRY[0] * length, ODOMETRY[1])
@@ -355,7 +355,7 @@ def _moved(before: Station, planar: tuple[float, float, float], sigmas: tuple[fl
 
 
 def _posed(station: Station) -> Array:
-    """The part of a station's variances, m2 and rad2, that it has from stated poses."""
+    """The part of a station's variances, m2 and rad2, that comes from stated poses."""
     return np.square([station.sigma_m, station.sigma_rad]) - np.square(station.walked)
 
 
@@ -372,6 +372,6 @@ def _cells(one: Station | None) -> Sequence[str | float]:
 
 
 def _levelled(camera: Camera, lean: Array) -> Array:
-    """The rotation that levels a camera whose up leans toward x and y of the frame that is levelled as it is mounted."""
+    """Rotation that levels a camera with this lean, from the frame that is level as mounted."""
     x, y = lean.tolist()
     return replace(camera, up=np.array([x, y, -np.sqrt(1.0 - x * x - y * y)]) @ camera.level()).level()

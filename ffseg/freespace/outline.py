@@ -1,4 +1,4 @@
-"""The free space of one image in metres: polygons with holes in the robot's frame, and the ranges round the robot."""
+"""Free space of one image in metres: polygons with holes in the robot's frame, and a range scan."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ class Ground:
         return {"type": "FeatureCollection", "frame": frame, "reach_m": self.reach, "features": features}
 
     def scan(self, count: int = 360) -> Scan:
-        """Where the free space ends on bearings all round.
+        """Ranges at which the free space ends, at bearings all round.
 
         Parameters
         ----------
@@ -176,7 +176,7 @@ class Ground:
 def ground_of(
     mask: Mask, contours: Sequence[FreeForm], camera: Camera, reach: float = MAX_RANGE, domain: Mask | None = None
 ) -> Ground:
-    """Lay free space on the ground.
+    """Project free space onto the ground.
 
     Parameters
     ----------
@@ -215,7 +215,7 @@ def ground_of(
 
 @lru_cache(maxsize=2)
 def _within(camera: Camera, reach: float) -> Mask:
-    """Pixels of the scene that show ground within reach."""
+    """Pixels of the scene that show ground within range."""
     with np.errstate(invalid="ignore"):
         near: Mask = camera.domain() & (np.sum(camera.ground() ** 2, axis=-1) < reach * reach)
     near.setflags(write=False)
@@ -223,14 +223,14 @@ def _within(camera: Camera, reach: float) -> Mask:
 
 
 def _near(ring: Array, reach: float) -> Array:
-    """An outline without what of it lies above the horizon, as far as the reach: half a pixel is many metres far away."""
+    """An outline without its parts above the horizon, cut at the range: far away half a pixel is many metres."""
     ring = ring[np.isfinite(ring).all(axis=1)]
     far = np.hypot(*ring.T)[:, None]
     return np.where(far > reach, ring * (reach / np.maximum(far, reach)), ring)
 
 
 def _first_exits(rings: Sequence[Array], count: int) -> Array:
-    """Nearest range at which rays from the origin leave what lies left of the rings; NaN without any."""
+    """Shortest distance at which rays from the origin leave the area to the left of the rings; NaN without any."""
     ranges = np.full(count, np.inf)
     if rings:
         begin, end = np.concatenate(rings), np.concatenate([one for ring in rings for one in (ring[1:], ring[:1])])
@@ -250,7 +250,7 @@ def _first_exits(rings: Sequence[Array], count: int) -> Array:
 
 
 def _range_sigma(camera: Camera, pixels: Array) -> Array:
-    """What `OUTLINE_SIGMA` pixels come to in the range of the ground that pixels, shape (n, 2), show."""
+    """Standard deviation of range, for `OUTLINE_SIGMA` pixels at pixels of shape (n, 2)."""
     steps = np.array([[0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5]])
     far = np.hypot(*np.moveaxis(to_robot(camera, pixels + steps[:, None]), -1, 0))
     sigma: Array = OUTLINE_SIGMA * np.hypot(far[0] - far[1], far[2] - far[3])

@@ -1,4 +1,4 @@
-"""Samples of components' outlines: which of them are found again where the ground would be."""
+"""Samples of components' outlines, tested for lying on the ground."""
 
 from __future__ import annotations
 

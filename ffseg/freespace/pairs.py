@@ -1,4 +1,4 @@
-"""A pair of images, and where in the previous one the ground is to be expected."""
+"""A pair of images, and where the ground is expected in the previous one."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class ImagePair:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionUncertainty:
-    """What the doubt about the motion comes to in the previous image, at each component.
+    """Uncertainty of the motion in the previous image, at each component.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class MotionUncertainty:
     small: bool
 
     def of(self, places: list[int]) -> MotionUncertainty:
-        """That of some of the components."""
+        """The values of some components."""
         return MotionUncertainty(self.doubt.of(places), self.shift[places], self.covariance[places], self.small)
 
 
@@ -70,7 +70,7 @@ the match."""
 
 
 def motion_uncertainty(pair: ImagePair, middles: Array, doubt: Doubt, fit: GroundFit | None) -> MotionUncertainty:
-    """What the doubt comes to at the middles of components, shape (count, 2), pixels."""
+    """Uncertainty of the motion at the middles of components, shape (count, 2), pixels."""
     slopes = position_slopes(pair.camera, pair.motion, middles) if fit is None else fit.slopes_near(middles)
     shift, covariance = _expected(slopes, doubt, np.arange(len(middles)))
     worst = max(np.abs(shift).max(initial=0.0), np.sqrt(np.trace(covariance, axis1=1, axis2=2).max(initial=0.0)))
@@ -78,7 +78,7 @@ def motion_uncertainty(pair: ImagePair, middles: Array, doubt: Doubt, fit: Groun
 
 
 def propagated(pair: ImagePair, found: InterestPoints, uncertainty: MotionUncertainty | None) -> tuple[Array, Array]:
-    """Where the others would put the ground of points, and the covariance of it."""
+    """Ground positions of points predicted by the motion from all other components, with their covariances."""
     if uncertainty is None:
         doubt = shared_doubt(pair.motion, 1)
         return _expected(position_slopes(pair.camera, pair.motion, found.pixels), doubt, np.zeros_like(found.owner))
@@ -88,7 +88,7 @@ def propagated(pair: ImagePair, found: InterestPoints, uncertainty: MotionUncert
 
 
 def _expected(slopes: Array, doubt: Doubt, owner: Indices) -> tuple[Array, Array]:
-    """By how much the ground would put pixels elsewhere, shape (n, 2), and the covariance of it, shape (n, 2, 2)."""
+    """Shifts of pixels by the corrected motion, shape (n, 2), and their covariances, shape (n, 2, 2)."""
     shift = np.einsum("nij,nj->ni", slopes, doubt.steps[owner])
     covariance: Array = slopes @ doubt.covariances[owner] @ np.swapaxes(slopes, 1, 2)
     return shift, covariance

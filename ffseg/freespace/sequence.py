@@ -145,7 +145,7 @@ class Frame:
         return replace(found, lean_sigma=sigma)
 
     def scan(self, count: int = 360, reach: float = MAX_RANGE) -> Scan:
-        """Where the free space ends on so many bearings all round, as a laser scanner would say it.
+        """Ranges at which the free space ends, at evenly spaced bearings, as a laser scanner reports them.
 
         Raises
         ------
@@ -155,7 +155,7 @@ class Frame:
         return self.ground(reach).scan(count)
 
     def standing(self) -> Camera:
-        """The camera as it stood at the image, where it surely leaned; else as it is mounted.
+        """The camera as it leaned at the image, if that is sure; else as mounted.
 
         Raises
         ------
@@ -177,7 +177,7 @@ class Frame:
 
 
 def omnidirectional_parameters(params: Parameters, camera: Camera) -> Parameters:
-    """Parameters with a start circle that keeps clear of the robot's own disc, on the image's own edges.
+    """Parameters with a start circle outside the robot's own disc, and the image's own edges as evidence.
 
     What lies under the start circle is the robot's image in part, which is no sample of the ground for the prior.
     """
@@ -208,7 +208,7 @@ def _check_view(camera: Camera, scene: Scene) -> None:
 
 
 def view_scene(scene: Scene, camera: Camera) -> Scene:
-    """The scene of an omnidirectional image: inside the camera's rim, from round the robot.
+    """The scene of an omnidirectional image: bounded by the camera's rim, started round the robot.
 
     Parameters
     ----------
@@ -239,7 +239,7 @@ def view_scene(scene: Scene, camera: Camera) -> Scene:
 
 
 def segment_frame(scene: Scene, earlier: Iterable[EarlierImage], camera: Camera, *, mapped: bool = False) -> Frame:
-    """Segment an image of a sequence and test it against the image before, and those farther back where one is not enough.
+    """Segment an image of a sequence and test its components against earlier images.
 
     Parameters
     ----------
@@ -276,7 +276,7 @@ def _frame(scene: Scene, views: Iterator[EarlierImage], camera: Camera, *, mappe
 
 
 def _without_leaks(frame: Frame, scene: Scene, views: Iterator[EarlierImage], camera: Camera) -> Frame:
-    """The frame with free space cut off that has climbed something upright; poses alone, unconfirmed, cut nothing."""
+    """The frame without free space that has climbed something upright; unconfirmed poses remove nothing."""
     if camera.footprint == 0 or frame.motion is None or frame.fit is None:
         return frame
     before = next(view for view in copy(views) if view.name == frame.links[0].name)
@@ -294,7 +294,7 @@ def _without_leaks(frame: Frame, scene: Scene, views: Iterator[EarlierImage], ca
 
 
 def _moved(frame: Frame, scene: Scene, earlier: Iterable[EarlierImage], camera: Camera) -> Frame:
-    """The frame of an image that encloses nothing, with its motion."""
+    """A frame without enclosed components, with its motion."""
     begin = perf_counter()
     segmented = SegmentedImage(frame.mask, (), outer_joints(frame.contours))
     found = window_motion(grey_image(scene.image), segmented, earlier, camera, scene.params.obstacles.altitude)
@@ -306,7 +306,7 @@ def _moved(frame: Frame, scene: Scene, earlier: Iterable[EarlierImage], camera: 
 
 
 def _frame_by_altitudes(scene: Scene, before: EarlierImage, camera: Camera) -> Frame:
-    """Frame of a pair by a method whose own term (Eq. 11) stands for the structural test.
+    """Frame of a pair by a method whose own altitude term (Eq. 11) replaces the structural test.
 
     It runs twice: without the term, for the ground that the motion is read off, then with it.
     """
@@ -365,7 +365,7 @@ def free_space(
 def _assembled(
     frame: Frame, rows: tuple[ComponentVerdict, ...], inner: list[int], components: list[Component]
 ) -> Frame:
-    """The frame with these verdicts on its components, and the mask and contours that follow from them."""
+    """The frame with these verdicts, and the mask and contours that result from them."""
     paint = {row.component for row in rows if row.verdict == "false_obstacle"}
     dropped = {inner[place] for place in paint}
     contours = frame.segmentation.contours
@@ -379,7 +379,7 @@ def _assembled(
 
 
 class Sequence:
-    """Free space for a robot: fed one image at a time (Algorithm 5).
+    """Free space for a robot, image by image (Algorithm 5).
 
     Parameters
     ----------
@@ -435,7 +435,7 @@ class Sequence:
         self._count = 0
 
     def feed(self, image: Pixels, pose: Pose | None = None) -> Frame:
-        """Take the next image, with its pose when there is one.
+        """Process the next image, with its pose if there is one.
 
         Parameters
         ----------
@@ -470,7 +470,7 @@ class Sequence:
     def _followed(
         self, frame: Frame, name: str, pose: Pose | None, window: list[tuple[str, Image, Pose | None]]
     ) -> Frame:
-        """The frame with numbers for its components; what was paint and is undecided now stays paint."""
+        """The frame with track numbers; components that were marks before and are undecided now stay marks."""
         links = [(link.name, link.planar) for link in frame.links]
         for number, _, before in window:
             poses = _both(before, pose)

@@ -1,4 +1,4 @@
-"""What a frame tells of the ground round the place that it was taken from, cell by cell."""
+"""What one frame adds to a map: the probability that each cell near the robot is free."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ FREE_LEVEL = 127
 
 @dataclass(frozen=True, slots=True)
 class Station:
-    """Where the camera was at a frame, on the map.
+    """Pose of the camera at a frame, on the map.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class Station:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sighting:
-    """What a map takes of a frame.
+    """What a map keeps of a frame.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ class Sighting:
 
 
 def sighting_of(frame: Frame) -> Sighting:
-    """What a map takes of a frame.
+    """What a map keeps of a frame.
 
     Raises
     ------
@@ -116,14 +116,14 @@ def sighting_of(frame: Frame) -> Sighting:
 
 
 def sigmas_of(frame: Frame) -> tuple[float, float]:
-    """Standard deviations of a frame's motion, metres and radians; 0 where it says none."""
+    """Standard deviations of a frame's motion, metres and radians; 0 where it states none."""
     if frame.motion is not None:
         return frame.motion.translation_sigma, frame.motion.rotation_sigma
     return frame.links[0].sigmas if frame.links else (0.0, 0.0)
 
 
 def read_cells(seen: Sighting, lens: Camera, window: Window, reach: float) -> tuple[NDArray[np.bool_], Plane]:
-    """Which cells of a window, shape (count, count), a frame tells something of, and how likely they are free.
+    """The cells of a window that a frame shows, shape (count, count), and the probability that they are free.
 
     Parameters
     ----------
@@ -172,13 +172,13 @@ class Window:
     level: Array
 
     def within(self) -> NDArray[np.bool_]:
-        """Cells that lie near enough."""
+        """Cells within range."""
         x, y = (self.first - [self.station.x, self.station.y] + np.arange(self.count)[:, None] * self.step).T
         near: NDArray[np.bool_] = x**2 + (y**2)[:, None] < self.reach**2
         return near
 
     def laid(self, table: Plane, lens: Camera) -> tuple[Plane, ...]:
-        """The table's values at the cells, as the camera sees them that leans."""
+        """Values of the table at the cells, as seen by the leaning camera."""
         c, s = np.cos(self.station.theta), np.sin(self.station.theta)
         x, y = self.first - [self.station.x, self.station.y]
         cells = np.array([[self.step[0], 0.0, x], [0.0, self.step[1], y], [0.0, 0.0, lens.mounting()]])
@@ -192,7 +192,7 @@ class Window:
 
 @lru_cache(maxsize=1)
 def _chances() -> Plane:
-    """That ground is free where so many 255ths of its mask are, shape (256,)."""
+    """Probability of free ground for each interpolated level of the mask, shape (256,)."""
     part = np.linspace(0.0, 1.0, 256) ** SHARPNESS
     sharp = part / (part + part[::-1])
     return (ERRS_OCCUPIED + (1.0 - ERRS_OCCUPIED - ERRS_FREE) * sharp).astype(np.float32)
@@ -200,7 +200,7 @@ def _chances() -> Plane:
 
 @lru_cache(maxsize=2)
 def _ground_pixels(camera: Camera, reach: float) -> Plane:
-    """Pixels that show places of the ground `TABLE` apart, the camera in the middle, and those `BAND` nearer to it.
+    """Pixels of ground points `TABLE` metres apart, with the camera in the middle, and of those within `BAND` of it.
 
     Shape (n, n, 4): rows along y of the levelled frame, columns along x; far away where nothing is shown.
     """

@@ -1,4 +1,4 @@
-"""Where a robot may drive, as a graph: the medial axis of the free cells of a map, as wide as the robot at least."""
+"""Where a robot can drive, as a graph: the medial axis of a map's free cells, at least as wide as the robot."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ NEIGHBOURS = ((-1, -1), (-1, 0), (-1, 1), (0, 1), (1, 1), (1, 0), (1, -1), (0, -
 
 @dataclass(frozen=True, slots=True)
 class Node:
-    """A place where ways meet or end.
+    """A node: a junction or an end of passages.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class Node:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Edge:
-    """A way between two nodes.
+    """A passage between two nodes.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class Edge:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Skeleton:
-    """A graph of ways.
+    """A graph of passages.
 
     Attributes
     ----------
@@ -103,7 +103,7 @@ class Skeleton:
 
     @property
     def num_loops(self) -> int:
-        """Independent ways round: one for each obstacle that stands free."""
+        """Number of independent loops: one for each free-standing obstacle."""
         part, loops = list(range(len(self.nodes))), 0
         for edge in self.edges:
             own, other = part[edge.start], part[edge.end]
@@ -140,7 +140,7 @@ class Skeleton:
         return "\n".join([*lines, "</graph>", "</graphml>", ""])
 
     def svg(self) -> str:
-        """SVG in metres, y up as on the map: a line for each edge and a circle for each node, which say what they are."""
+        """SVG in metres, y up as on the map: lines and circles with titles for edges and nodes."""
         places = np.array([[one.x, one.y] for one in self.nodes]).reshape(-1, 2)
         around = np.concatenate([places, *(edge.points for edge in self.edges)]) if len(places) else np.zeros((1, 2))
         (left, low), (width, height) = around.min(axis=0) - FRAME_WIDTH, np.ptp(around, axis=0) + 2 * FRAME_WIDTH
@@ -170,13 +170,13 @@ class Skeleton:
         write_all_atomic([(os.path.join(folder, name), data) for name, data in self.files().items()])
 
     def files(self) -> dict[str, bytes]:
-        """The files that `save` writes, by name."""
+        """Contents of the files that `save` writes, by name."""
         texts = {"graph.geojson": self.geojson(), "graph.graphml": self.graphml(), "graph.svg": self.svg()}
         return {name: text.encode("utf-8") for name, text in texts.items()}
 
 
 def skeleton_of(free: Mask, unknown: Mask, cell: float, origin: tuple[float, float], footprint: float) -> Skeleton:
-    """The ways of a robot over free cells.
+    """The graph of passages over free cells that the robot fits through.
 
     Parameters
     ----------
@@ -205,7 +205,7 @@ def skeleton_of(free: Mask, unknown: Mask, cell: float, origin: tuple[float, flo
 
 
 def _between(outside: NDArray[np.intp], spread: float) -> Mask:
-    """Cells beside one whose nearest outline is another one."""
+    """Cells with a neighbour whose nearest outline is another one."""
     found = np.zeros(outside.shape[:2], np.bool_)
     for nearest, marked in ((outside, found), (outside.swapaxes(0, 1), found.T)):
         apart = np.hypot(*np.moveaxis(np.diff(nearest, axis=0), -1, 0)) > spread
@@ -215,7 +215,7 @@ def _between(outside: NDArray[np.intp], spread: float) -> Mask:
 
 
 def _thinned(cells: Mask, far: NDArray[np.float32], anchors: Mask) -> Mask:
-    """What is left when cells are taken away, the nearest to the outline first, that nothing hangs on.
+    """Thinning: cells are removed in order of their distance to the outline while the topology is kept.
 
     Without anchors the ends of ways stay.
     """
@@ -243,13 +243,13 @@ def _thinned(cells: Mask, far: NDArray[np.float32], anchors: Mask) -> Mask:
 
 
 def _pattern(cells: set[Cell], row: int, column: int) -> int:
-    """The eight cells round one as bits, in the order of `NEIGHBOURS`."""
+    """The eight neighbours of a cell as bits, in the order of `NEIGHBOURS`."""
     return sum(1 << bit for bit, (down, right) in enumerate(NEIGHBOURS) if (row + down, column + right) in cells)
 
 
 @cache
 def _simple(pattern: int) -> bool:
-    """Whether a cell with these round it can go: what is free hangs together over corners, what is not over sides.
+    """Whether a cell with these neighbours is simple: free cells are 8-connected, the others 4-connected.
 
     The sides that are not free must lie in one run of places that are not, and there must be one.
     """
@@ -287,13 +287,13 @@ def _graph(
 
 
 def _near(unknown: Mask, place: Cell, far: float) -> bool:
-    """Whether anything unknown is about as near as the nearest that is not free."""
+    """Whether an unknown cell is about as near as the nearest that is not free."""
     (row, column), reach = place, int(far) + 2
     return bool(unknown[max(row - reach, 0) : row + reach + 1, max(column - reach, 0) : column + reach + 1].any())
 
 
 def _neighbours(one: Cell, cells: set[Cell]) -> list[Cell]:
-    """Cells beside one; over a corner only where no side leads there."""
+    """Neighbours of a cell; over a corner only if no side connects them."""
     row, column = one
     found = [(row + down, column + right) for down, right in NEIGHBOURS[1::2] if (row + down, column + right) in cells]
     for down, right in NEIGHBOURS[::2]:
@@ -303,7 +303,7 @@ def _neighbours(one: Cell, cells: set[Cell]) -> list[Cell]:
 
 
 def _numbered(beside: dict[Cell, list[Cell]]) -> dict[Cell, int]:
-    """Numbers of the nodes that cells belong to: ends, junctions that hang together, one cell of a bare ring."""
+    """Node numbers of cells: ends, connected junctions, one cell of a ring without junction."""
     numbers: dict[Cell, int] = {}
     parts = _parts({one for one in beside if len(beside[one]) > 2}, beside)
     parts += [[one] for one in sorted(beside) if len(beside[one]) < 2]

@@ -1,4 +1,4 @@
-"""The structural test of Eq. 9: which enclosed components are paint on the ground."""
+"""The structural test of Eq. 9: which enclosed components are marks on the ground."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def structural_test(
     samples: list[Array] | None = None,
     corners: InterestPoints | None = None,
 ) -> tuple[ComponentVerdict, ...]:
-    """Verdict on every component.
+    """Verdict on every component of a pair.
 
     Parameters
     ----------
@@ -147,13 +147,13 @@ def structural_test(
 
 
 def untested_verdicts(components: Sequence[Component]) -> tuple[ComponentVerdict, ...]:
-    """Rows of components that nothing could be matched for."""
+    """Verdicts on components without any match."""
     return tuple(ComponentVerdict(c.index, c.area, *c.centroid, 0, float("nan"), "untested", 0, 0) for c in components)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _CornerVotes:
-    """What the matched corners of every component say, shape (count,) each."""
+    """Votes of the matched corners of every component, shape (count,) each."""
 
     matched: NDArray[np.intp]
     low: NDArray[np.intp]

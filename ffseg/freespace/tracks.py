@@ -1,4 +1,4 @@
-"""The same thing in image after image: components linked by where they lie on the ground, and numbered."""
+"""Tracks: components of successive images that show the same thing, linked by their places on the ground."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ of a box shifts by up to its height over the camera's, with the view."""
 
 
 def in_earlier_frame(places: Array, planar: Sequence[float]) -> Array:
-    """Ground places of the current image, shape (n, 2), in the earlier image's levelled camera frame."""
+    """Ground places of the current image, shape (n, 2), in the levelled frame of an earlier camera."""
     c, s = np.cos(planar[2]), np.sin(planar[2])
     result: Array = places @ np.array([[c, s], [-s, c]]) + np.asarray(planar[:2], np.float64)
     return result
 
 
 def associate(now: Array, before: Array) -> list[int]:
-    """For each place of now that of before which is the same thing, or -1.
+    """For each current place the index of the earlier place of the same thing, or -1.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def associate(now: Array, before: Array) -> list[int]:
 
 
 class ObstacleTracks:
-    """Numbers for things along a sequence.
+    """Track numbers along a sequence.
 
     Numbers count from 0 in the order in which things are first seen; nothing is given a number again.
 
@@ -58,7 +58,7 @@ class ObstacleTracks:
         self._seen: dict[str, tuple[Array, list[int]]] = {}
 
     def follow(self, name: str, places: Array, links: Sequence[tuple[str, Sequence[float]]]) -> list[int]:
-        """Numbers of the components of an image.
+        """Track numbers of the components of an image.
 
         Parameters
         ----------
@@ -89,7 +89,7 @@ Line = Mapping[str, Any]
 
 
 def with_track_numbers(order: Iterable[str], lines: Mapping[str, Sequence[Line]]) -> dict[str, list[dict[str, Any]]]:
-    """Lines of ``obstacles.csv`` by image, each with the number of its thing as ``track``.
+    """Rows of ``obstacles.csv`` by image, each with its track number in ``track``.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Verdicts on one image from several earlier ones: what one pair leaves open is asked again of images farther back."""
+"""Verdicts from several earlier images: what one pair leaves undecided is tested against images farther back."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class EarlierImage:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Link:
-    """How the ground moved since an earlier image.
+    """Motion since an earlier image.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ class Link:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WindowVerdicts:
-    """What the earlier images say.
+    """Verdicts from the earlier images.
 
     Attributes
     ----------
@@ -160,7 +160,7 @@ def window_verdicts(
 def window_motion(
     current: Image, segmented: SegmentedImage, earlier: Iterable[EarlierImage], camera: Camera, epsilon: float
 ) -> WindowVerdicts:
-    """The motion of an image that encloses nothing: no verdict needs it, but a map does.
+    """The motion of an image without enclosed components, which a map needs.
 
     Parameters
     ----------
@@ -184,12 +184,12 @@ def window_motion(
 
 
 def _better(old: ComponentVerdict, new: ComponentVerdict) -> ComponentVerdict:
-    """The decided one; among undecided ones the first with a matched point."""
+    """The decided verdict; of undecided ones the first with a matched point."""
     return new if not old.decided and (new.decided or old.verdict == "untested") else old
 
 
 def _placed(rows: tuple[ComponentVerdict, ...], camera: Camera, against: str = "") -> tuple[ComponentVerdict, ...]:
-    """Rows with the places of their components on the ground."""
+    """Verdicts with the places of their components on the ground."""
     if not rows:
         return rows
     places = ground_points(camera, np.array([[row.centroid_x, row.centroid_y] for row in rows]))
@@ -200,7 +200,7 @@ def _placed(rows: tuple[ComponentVerdict, ...], camera: Camera, against: str = "
 
 
 def _links(name: str, camera: Camera, pair: PairMotion | None) -> list[Link]:
-    """The one of a pair with a motion."""
+    """The link of a pair with a motion."""
     if pair is None or pair.motion is None:
         return []
     motion = pair.motion

@@ -1,4 +1,4 @@
-"""Which of the settings that were tried a few masks speak for."""
+"""Choice of a setting by its results on a few masks."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Trial:
 
 @dataclass(frozen=True, slots=True)
 class Trials:
-    """All that was tried on all images: the parameters as they are, levels of probability, and other settings.
+    """All settings tried on all images: the current parameters, levels of probability, and other settings.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class Trials:
         return max([self.plain, *self.levels, *self.others], key=lambda one: one.mean)
 
     def chosen(self, images: Sequence[int]) -> Trial:
-        """What the masks of some images speak for; the parameters as they are where none is better beyond the noise.
+        """The setting supported by the masks of some images; the current parameters if none is significantly better.
 
         Notes
         -----
@@ -94,7 +94,7 @@ class Trials:
         return self.others[first[0]] if gains[first[0]].mean() > least else level
 
     def best_level(self, images: Sequence[int]) -> Trial:
-        """The level that two images or more speak for, or the parameters as they are.
+        """The level supported by two images or more, or the current parameters.
 
         Notes
         -----
@@ -117,6 +117,6 @@ class Trials:
         return float(mean(gains) - stdev(gains) / len(gains) ** 0.5 - MIN_GAIN * abs(moved) - handicap)
 
     def left_out(self) -> tuple[float, ...]:
-        """IoU of each image with what the others speak for."""
+        """IoU of each image with the setting chosen on the others."""
         images = self.images
         return tuple(self.chosen([one for one in images if one != number]).found[number] for number in images)

@@ -60,7 +60,7 @@ class LabelledImage:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrainingSet:
-    """What there is to learn from.
+    """Images with masks to learn from.
 
     Attributes
     ----------
@@ -112,7 +112,7 @@ def gather(
 
 
 def _require_own_masks(sources: Sequence[InputImage]) -> None:
-    """Refuse images of one name, as of two folders: one mask would stand for both."""
+    """Refuse images of the same name, as from two folders: one mask would be used for both."""
     by_name: dict[str, InputImage] = {}
     for one in sources:
         other = by_name.setdefault(one.name, one)
@@ -148,7 +148,7 @@ def _read(
 
 
 def start_region(shape: tuple[int, ...], params: Parameters, mask: Image | None = None) -> Mask | None:
-    """Pixels in the start that the parameters, or a mask, name; None where they name none."""
+    """Pixels of the start named by the parameters or a mask; None if there is none."""
     init = params.init
     if init.center == "auto" and not init.circles and not init.boxes and mask is None:
         return None
@@ -156,7 +156,7 @@ def start_region(shape: tuple[int, ...], params: Parameters, mask: Image | None 
 
 
 def starts_off(labelled: Sequence[LabelledImage]) -> list[str]:
-    """Names of the images whose start lies wholly where their mask says outside; a model finds its own starts.
+    """Names of the images whose start lies wholly outside their mask; a model finds starts of its own.
 
     Raises
     ------
@@ -180,18 +180,18 @@ def starts_off(labelled: Sequence[LabelledImage]) -> list[str]:
 
 
 def known_share(labelled: Sequence[LabelledImage]) -> float:
-    """Part of the pixels of which the masks know something, mean over the images."""
+    """Fraction of the pixels that the masks label, mean over the images."""
     return float(mean(np.count_nonzero(one.truth != IGNORED) / one.truth.size for one in labelled))
 
 
 def few_known(share: float) -> list[str]:
-    """What to say where figures count few of the pixels, as of masks that are scribbles."""
+    """Message for figures that count few pixels only, as of scribbles."""
     if share >= MIN_KNOWN:
         return []
     return [f"the masks know {share:.1%} of the pixels; the figures of IoU count no others"]
 
 
 def some_names(names: Sequence[str]) -> str:
-    """Some names, and how many more there are."""
+    """Some of the names, and the number of the others."""
     more = f" and {len(names) - MAX_NAMED} more" if len(names) > MAX_NAMED else ""
     return ", ".join(names[:MAX_NAMED]) + more

@@ -84,7 +84,7 @@ SAME_ARITHMETIC = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Samples:
-    """Pixels of one look: rows of what a forest sees, which lie inside, and how much each counts."""
+    """Sampled pixels of one view: features, labels and weights."""
 
     rows: Floats
     inside: Mask
@@ -119,7 +119,7 @@ def main() -> int:
 
 
 def prior_samples(kind: str, count: int) -> list[tuple[list[Samples], list[Samples], list[Samples]]]:
-    """What the prior, the base and the box learn from so many looks at a kind of pictures."""
+    """Samples for the prior, the base and the box, from several views of a kind of drawings."""
     single_thread()
     found = []
     for number, seen in enumerate(sights(kind, count)):
@@ -129,21 +129,21 @@ def prior_samples(kind: str, count: int) -> list[tuple[list[Samples], list[Sampl
 
 
 def for_prior(seen: Sight, rng: np.random.Generator) -> Samples:
-    """Some known pixels as the prior sees them."""
+    """Samples of labelled pixels with the features of the prior."""
     found = prior.start_features(seen.image, seen.disc(), WORKING_SIZE, LEARNED_START)
     known = known_pixels(seen.truth, found.factor)[::STRIDE, ::STRIDE]
     return sampled(prior.all_planes(found), known, rng)
 
 
 def for_base(seen: Sight, rng: np.random.Generator) -> Samples:
-    """Some known pixels as the base sees them."""
+    """Samples of labelled pixels with the features of the base."""
     found = features(normalised_exposure(seen.image), seen.disc())
     planes = found.planes[[DEFAULT_FEATURES.index(name) for name in BASE_FEATURES]]
     return sampled(planes, known_pixels(seen.truth, found.factor), rng)
 
 
 def hint_samples(kind: str, count: int, model_file: bytes) -> list[Samples]:
-    """What the hints learn from clicks in pictures that the prior, whose file this is, has not learned from."""
+    """Samples for clicks, from drawings that the prior in this file has not learned from."""
     single_thread()
     model = from_bytes(model_file, prior.FEATURE_NAMES)
     ask, found = (model, model.inside.compiled()), []
@@ -154,7 +154,7 @@ def hint_samples(kind: str, count: int, model_file: bytes) -> list[Samples]:
 
 
 def for_clicks(seen: Sight, ask: Compiled, rng: np.random.Generator) -> list[Samples]:
-    """Some known pixels near each click of a simulated user but the first, where it may correct what was told before it.
+    """Samples near each click of a simulated user but the first, where it may correct the state before it.
 
     What clicks show is guessed, as the forest that is to tell it grows from this.
     """
@@ -192,7 +192,7 @@ def for_clicks(seen: Sight, ask: Compiled, rng: np.random.Generator) -> list[Sam
 
 
 def for_box(kind: str, number: int, seen: Sight) -> list[Samples]:
-    """Some known pixels in boxes round what is inside, one as narrow as it is and loose ones; none in wide boxes."""
+    """Samples in boxes round an object, one tight and some loose; none in wide boxes."""
     rows, columns = (np.flatnonzero((seen.truth == INSIDE).any(axis=axis)) for axis in (1, 0))
     if kind not in BOXES or len(rows) * len(columns) > MAX_BOX_FRACTION * seen.truth.size:
         return []
@@ -211,7 +211,7 @@ def for_box(kind: str, number: int, seen: Sight) -> list[Samples]:
 
 
 def sampled(planes: Plane, known: NDArray[np.int8], rng: np.random.Generator, most: int = PIXELS_PER_VIEW) -> Samples:
-    """Some of the pixels that are known, of planes of shape (F, h, w), half of them inside.
+    """Some of the labelled pixels, from planes of shape (F, h, w), half of them inside.
 
     Both sides are weighed between alike and by their area.
     """
@@ -229,7 +229,7 @@ def sampled(planes: Plane, known: NDArray[np.int8], rng: np.random.Generator, mo
 
 
 def grow(looks: Sequence[Samples], names: tuple[str, ...], about: dict[str, object]) -> Model:
-    """The model that those looks give, of the features of those names; every look counts alike."""
+    """A forest on these samples and features; every view has the same weight."""
     import lightgbm
 
     weights = np.concatenate([one.weights for one in looks])

@@ -1,4 +1,4 @@
-"""A model from masks: grown, measured on images left out, with what more masks would bring and which to draw next."""
+"""A model from masks: grown, cross-validated, with the benefit of more masks and the next ones to draw."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ Tell = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True)
 class CrossValidation:
-    """How well a model does on images that it was not learned from.
+    """Figures of a model on images that it was not learned from.
 
     Attributes
     ----------
@@ -97,7 +97,7 @@ class CrossValidation:
 def learn_and_measure(
     gathered: TrainingSet, params: Parameters, tell: Tell, *, measured: bool = True
 ) -> tuple[Model, CrossValidation]:
-    """Learn a model and, unless it is not to be `measured`, measure it on images left out.
+    """Learn a model and, if `measured`, cross-validate it.
 
     Raises
     ------
@@ -162,7 +162,7 @@ def _without_model(params: Parameters) -> Parameters:
 
 
 def _overlap(one: LabelledImage, model: Model | None) -> float:
-    """IoU of the contour on an image, with what a model says or without any, also of the parameters."""
+    """IoU of the contour on an image, with a model's probabilities or without a model."""
     params, start = _without_model(one.params), one.start
     if start is None and model is not None:
         circle = model_start(one.image, model, params.init.radius_in(one.image.shape))
@@ -179,7 +179,7 @@ def _contoured(one: LabelledImage, params: Parameters, evidence: Plane | None) -
 
 
 def _curve(labelled: Sequence[LabelledImage], chosen: Sequence[Samples]) -> tuple[tuple[int, float], ...]:
-    """Mean IoU of the contours that models of 1, 2, 4, ... masks, of small forests, give on others.
+    """Learning curve: mean IoU on other images of small forests from 1, 2, 4, ... masks.
 
     Notes
     -----
@@ -207,7 +207,7 @@ def _curve(labelled: Sequence[LabelledImage], chosen: Sequence[Samples]) -> tupl
 
 
 def _started(one: LabelledImage, rng: np.random.Generator) -> LabelledImage:
-    """The image with a start drawn inside its mask if it has none, and its mask has the room."""
+    """The image with a start inside its mask, if it has none and the mask has room for one."""
     radius = one.params.init.radius_in(one.image.shape)
     drawn = [] if one.start is not None else starts_in(Example(one.image, one.truth, None, radius), rng)
     if not drawn:
@@ -218,7 +218,7 @@ def _started(one: LabelledImage, rng: np.random.Generator) -> LabelledImage:
 
 
 def _worth_drawing(curve: Sequence[tuple[int, float]], count: int) -> int:
-    """How many more masks each raise the mean by ``MIN_WORTH``, from a line through IoU over 1 / masks."""
+    """Number of further masks each of which raises the mean by ``MIN_WORTH``, by a line through IoU over 1 / masks."""
     if len(curve) < 2:
         return 0
     inverse, height = np.array([1 / number for number, _ in curve]), np.array([value for _, value in curve])
@@ -230,7 +230,7 @@ def _worth_drawing(curve: Sequence[tuple[int, float]], count: int) -> int:
 
 
 def _order(gathered: TrainingSet, model: Model, params: Parameters, tell: Tell) -> tuple[str, ...]:
-    """Images without a mask, at most ``MAX_UNMARKED``, those the model is least sure of first."""
+    """Images without a mask, at most ``MAX_UNMARKED``, in order of falling uncertainty of the model."""
     doubts = {one.name: _doubt(one, gathered, model, params, tell) for one in gathered.others[:MAX_UNMARKED]}
     order = tuple(sorted((name for name, doubt in doubts.items() if doubt >= 0), key=doubts.__getitem__, reverse=True))
     if order:
@@ -239,7 +239,7 @@ def _order(gathered: TrainingSet, model: Model, params: Parameters, tell: Tell) 
 
 
 def _doubt(source: InputImage, gathered: TrainingSet, model: Model, params: Parameters, tell: Tell) -> float:
-    """The uncertainty of an image; -1 where it cannot be read, which is told."""
+    """Uncertainty of an image; -1 with a message if it cannot be read."""
     try:
         image = read_source(source, levels=params.input.range)
     except ImageReadError as error:
@@ -258,5 +258,5 @@ def _doubt(source: InputImage, gathered: TrainingSet, model: Model, params: Para
 
 
 def uncertainty(model: Model, image: Image, start: Mask) -> float:
-    """Mean of how undecided a model, with the prior where it asks it, is: 0 where all is sure, 1 where all is even."""
+    """Mean uncertainty of a model's probabilities, with the prior if used: 0 if all are sure, 1 if all are even."""
     return float(np.mean(1 - np.abs(2 * model_odds(model, image, start) - 1)))

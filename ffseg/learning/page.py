@@ -1,4 +1,4 @@
-"""What tuning gives to keep: a parameter file that says what was measured, and a page with before and after."""
+"""Results of tuning: a parameter file with the measured figures, and a page with the regions before and after."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MAX_WIDTH = 360
 
 
 def summary_lines(tuned: TuningResult) -> list[str]:
-    """What there is to say, line by line."""
+    """The summary, line by line."""
     count = len(tuned.before)
     lines = [
         f"{counted(tuned.tried, 'setting')} tried on {counted(count, 'image')} in {tuned.seconds:.0f} s",
@@ -58,7 +58,7 @@ def summary_lines(tuned: TuningResult) -> list[str]:
 
 
 def not_tried(tuned: TuningResult) -> list[str]:
-    """What there was no time for."""
+    """Settings for which there was no time."""
     if not tuned.left:
         return []
     count = tuned.tried + tuned.left
@@ -66,7 +66,7 @@ def not_tried(tuned: TuningResult) -> list[str]:
 
 
 def to_yaml(tuned: TuningResult, params: Parameters | None = None) -> str:
-    """A parameter file of the keys that tuning sets, with what was measured as a comment.
+    """A parameter file of the tuned keys, with the figures as comments.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def _is_row(value: object) -> TypeGuard[tuple[float, ...]]:
 def to_html(
     tuned: TuningResult, labelled: Sequence[LabelledImage], masks: Sequence[tuple[Mask, Mask]], written: str
 ) -> str:
-    """A page that needs no other file: what was measured, what was `written`, and each image before and after."""
+    """A self-contained page: figures, the parameter file written, and each image before and after."""
     sentences = [*summary_lines(tuned), *not_tried(tuned)]
     if tuned.best != tuned.setting:
         best = ", ".join(f"{key} {_text(value)}" for key, value in tuned.best.items())
@@ -128,7 +128,7 @@ _FOUND, _MISSED, _LEAKED = (90, 200, 60), (220, 120, 40), (30, 140, 255)
 
 
 def _picture(one: LabelledImage, mask: Mask) -> str:
-    """The image with what was found, missed and leaked, as a data address."""
+    """The image with true positives, missed and leaked pixels, as a data address."""
     step = max(1, -(-one.image.shape[1] // MAX_WIDTH))
     image, truth, found = one.image[::step, ::step], one.truth[::step, ::step], mask[::step, ::step]
     colour = np.repeat(image[..., None], 3, axis=2) if image.ndim == 2 else image.copy()

@@ -1,4 +1,4 @@
-"""The settings that tuning tries: spread evenly, the same ones every time."""
+"""The settings that tuning tries: an evenly spread, fixed sequence."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def halton(index: int, base: int) -> float:
 
 
 def levels(params: Parameters) -> list[Setting]:
-    """Levels of probability round the one at hand, the nearest first, where the parameters ask for probabilities."""
+    """Levels of probability round the current one, nearest first, if the parameters use probabilities."""
     if ("model" if params.edges.model is not None else params.edges.source) not in JUDGED:
         return []
     own = params.region.probability
@@ -68,7 +68,7 @@ def levels(params: Parameters) -> list[Setting]:
 
 
 def settings() -> Iterator[Setting]:
-    """So many settings, each different from the ones before it."""
+    """The first settings of the sequence, without repetitions."""
     seen: set[tuple[object, ...]] = set()
     index = 0
     while len(seen) < MAX_SETTINGS:

@@ -1,4 +1,4 @@
-"""Learning what lies inside from images with masks: samples of pixels, and a boosted forest grown on them."""
+"""Training: samples of labelled pixels, and a boosted forest on them."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ STARTLESS_FEATURES = tuple(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Example:
-    """An image of which some pixels are known.
+    """An image with labels of some pixels.
 
     Attributes
     ----------
@@ -121,7 +121,7 @@ class Example:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Samples:
-    """Pixels of one image.
+    """Samples of one image.
 
     Attributes
     ----------
@@ -138,7 +138,7 @@ class Samples:
 
 
 def samples(example: Example) -> Samples:
-    """Known pixels of an image, seen from several starts, each also as in a mirror.
+    """Labelled pixels of an image, seen from several starts, each also mirrored.
 
     Raises
     ------
@@ -168,7 +168,7 @@ def samples(example: Example) -> Samples:
 
 
 def _chosen(known: NDArray[np.int8], rng: np.random.Generator) -> Indices:
-    """Places of known pixels, drawn evenly, but for as many of each side, where there are, as a leaf holds."""
+    """Evenly drawn labelled pixels, with at least a leaf's number of each side where there are so many."""
     places = rng.permutation(np.flatnonzero(known >= 0))
     chosen, left = np.split(places, [PIXELS // STARTS])
     few = [max(0, MIN_IN_LEAF - np.count_nonzero(known[chosen] == side)) for side in (0, 1)]
@@ -177,7 +177,7 @@ def _chosen(known: NDArray[np.int8], rng: np.random.Generator) -> Indices:
 
 
 def starts_in(example: Example, rng: np.random.Generator) -> list[Mask]:
-    """The start of an image and others drawn where they lie inside its mask."""
+    """The start of an image, and others drawn inside its mask."""
     own = [] if example.start is None else [example.start]
     inside = example.truth == INSIDE
     radius = example.radius
@@ -193,7 +193,7 @@ def starts_in(example: Example, rng: np.random.Generator) -> list[Mask]:
 
 
 def _windows_inside(inside: Mask, radius: float) -> Mask:
-    """Pixels whose window of ``radius`` to all sides lies inside and in the image."""
+    """Pixels whose window of half-width ``radius`` lies inside the mask and the image."""
     reach = int(radius)
     sums = np.pad(inside, ((1, 0), (1, 0))).astype(np.int64).cumsum(0).cumsum(1)
     side = 2 * reach + 1
@@ -205,7 +205,7 @@ def _windows_inside(inside: Mask, radius: float) -> Mask:
 
 
 def known_pixels(truth: Image, factor: int) -> NDArray[np.int8]:
-    """Reduced pixels: 1 inside, 0 outside, -1 unknown or of both."""
+    """Labels of reduced pixels: 1 inside, 0 outside, -1 unknown or mixed."""
     share = reduced_mean((truth == INSIDE).astype(np.float32), factor)
     unknown = reduced_mean((truth == IGNORED).astype(np.float32), factor)
     known = (share >= 0.5).astype(np.int8)
@@ -214,7 +214,7 @@ def known_pixels(truth: Image, factor: int) -> NDArray[np.int8]:
 
 
 def known_of_some(truth: Image, factor: int) -> NDArray[np.int8]:
-    """The same of scribbles: what is known of a reduced pixel, be it one pixel of many, says all of it."""
+    """Labels of reduced pixels from scribbles: a single labelled pixel decides."""
     inside, outside = (reduced_mean((truth == level).astype(np.float32), factor) for level in (INSIDE, OUTSIDE))
     least = (1 - MIXED_FRACTION) * (inside + outside)
     return np.where(inside + outside <= 0, -1, np.where(inside >= least, 1, np.where(outside >= least, 0, -1))).astype(
@@ -223,7 +223,7 @@ def known_of_some(truth: Image, factor: int) -> NDArray[np.int8]:
 
 
 def mirrored(rows: Floats) -> Floats:
-    """The same pixels of the image in a mirror: what changes is their place."""
+    """The same pixels in the mirrored image, in which only their places differ."""
     found = rows.copy()
     found[:, DEFAULT_FEATURES.index("x")] = 1 - rows[:, DEFAULT_FEATURES.index("x")]
     found[:, DEFAULT_FEATURES.index("across")] = -rows[:, DEFAULT_FEATURES.index("across")]
@@ -236,7 +236,7 @@ def grow(
     trees: int = TREES,
     begin: Sequence[Floats] | None = None,
 ) -> Forest:
-    """Grow a forest; every image counts alike. It adds to the log odds that `begin` names for each image, if given.
+    """Grow a forest; every image has the same weight. Log odds in `begin`, if given, are its starting point.
 
     Notes
     -----
@@ -279,14 +279,14 @@ def _boosted(
 
 
 def trusting(forest: Forest, odds: float = TRUSTED_LOG_ODDS) -> Forest:
-    """The forest with one tree more, which takes open ground for inside: log odds added there, and taken elsewhere."""
+    """The forest with one more tree, which adds log odds on open ground and subtracts them elsewhere."""
     tree = {"feature": [0], "threshold": [0.5], "left": [-1], "right": [-2], "root": [0], "value": [-odds, odds]}
     return joined(forest, Forest({name: np.asarray(values) for name, values in tree.items()}, (TRUSTED_FEATURE,)))
 
 
 @dataclass(frozen=True, slots=True)
 class BaseChoice:
-    """Whether masks correct the base, and by what that was decided: mean IoU on the pixels of their samples.
+    """Whether masks correct the base, and the figures behind it: mean IoU on the sampled pixels.
 
     Attributes
     ----------
@@ -305,7 +305,7 @@ class BaseChoice:
 
 
 def choose_base(chosen: Sequence[Samples], odds: Sequence[Floats]) -> BaseChoice:
-    """Whether the base, which gives these log odds, is corrected: where it serves, or the masks teach each other less.
+    """Whether the base, with these log odds, is corrected: if it suits the masks, or they teach each other less.
 
     Notes
     -----
@@ -318,7 +318,7 @@ def choose_base(chosen: Sequence[Samples], odds: Sequence[Floats]) -> BaseChoice
 
 @dataclass(frozen=True, slots=True)
 class PriorChoice:
-    """Whether a model asks the prior too, and by what that was decided: mean IoU on the pixels of the samples.
+    """Whether a model uses the prior, and the figures behind it: mean IoU on the sampled pixels.
 
     Attributes
     ----------
@@ -340,7 +340,7 @@ class PriorChoice:
 
 
 def choose_prior(chosen: Sequence[Samples], *, corrected: bool = False) -> PriorChoice | None:
-    """Whether the prior is asked: where it adds to what the masks teach each other; None where its odds are not known.
+    """Whether the prior is used: if it improves cross-validation; None if its log odds are unknown.
 
     Parameters
     ----------
@@ -368,12 +368,12 @@ def choose_prior(chosen: Sequence[Samples], *, corrected: bool = False) -> Prior
 
 
 def learn(chosen: Sequence[Samples], *, searched: bool = True) -> Model:
-    """A model of what lies inside, and, unless no start will be `searched` for, of where to start."""
+    """A model of what lies inside and, if `searched`, of where to start."""
     return replace(grown(chosen), start=grow(chosen, STARTLESS_FEATURES) if searched else None)
 
 
 def grown(chosen: Sequence[Samples], trees: int = TREES) -> Model:
-    """A model of what lies inside: its forest (see `grow_inside`), and the prior where it is asked (see `choose_prior`).
+    """A model of what lies inside: its forest (see `grow_inside`), with the prior if it is used (see `choose_prior`).
 
     Notes
     -----
@@ -389,7 +389,7 @@ def grown(chosen: Sequence[Samples], trees: int = TREES) -> Model:
 
 
 def grow_inside(chosen: Sequence[Samples], trees: int = TREES) -> tuple[Forest, BaseChoice]:
-    """The forest that tells what lies inside: the base, corrected, or one of the masks' own; and which (see `choose_base`).
+    """The forest for inside pixels: the corrected base or one of the masks' own, and which (see `choose_base`).
 
     Notes
     -----
@@ -421,7 +421,7 @@ def _left_out_overlap(chosen: Sequence[Samples]) -> float:
 
 @lru_cache(maxsize=1)  # of masks that leave the base aside both decisions ask
 def _left_out_odds(chosen: tuple[Samples, ...], *, corrected: bool) -> list[Floats]:
-    """Log odds of some pixels of each image, of a small forest grown on the others alone, or correcting the base."""
+    """Log odds of some pixels of each image by a small forest from the others, alone or correcting the base."""
     thin = [Samples(one.rows[::SUBSAMPLING], one.inside[::SUBSAMPLING]) for one in chosen]
     begin = [odds_of(base(), one.rows) for one in thin] if corrected else None
     odds = []

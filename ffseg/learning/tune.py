@@ -1,4 +1,4 @@
-"""Settings from masks: many tried on few images, the better half on more, and figures on images left out."""
+"""Settings from masks: many are tried on few images, the better half on more, and judged on images left out."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ Tell = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True)
 class TuningResult:
-    """What tuning came to.
+    """Result of tuning.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class TuningResult:
 
 
 class Bench:
-    """Images on which settings are tried; edge maps are shared by the settings that ask for the same."""
+    """Images for trying settings; settings with the same edge parameters share edge maps."""
 
     def __init__(self, labelled: Sequence[LabelledImage]) -> None:
         self._labelled = labelled
@@ -86,12 +86,12 @@ class Bench:
         return Trial(setting, {number: self.overlap(number, setting) for number in range(len(self._labelled))})
 
     def overlap(self, number: int, setting: Setting) -> float:
-        """IoU on one image; 0 where it cannot be segmented."""
+        """IoU on one image; 0 if it cannot be segmented."""
         mask = self.mask(number, setting)
         return 0.0 if mask is None else iou(mask, self._labelled[number].truth)
 
     def mask(self, number: int, setting: Setting) -> Mask | None:
-        """The region on one image; None where it cannot be segmented."""
+        """Mask of one image; None if it cannot be segmented."""
         one = self._labelled[number]
         params = with_setting(one.params, {key: value for key, value in setting.items() if key not in one.fixed})
         try:
@@ -117,7 +117,7 @@ class Bench:
 
 
 def tune(labelled: Sequence[LabelledImage], budget: float, tell: Tell) -> TuningResult:
-    """Try settings for about `budget` seconds; `Trials` says which is taken."""
+    """Try settings for about `budget` seconds; `Trials` tells which to use."""
     begin = time.monotonic()
     bench, count = Bench(labelled), len(labelled)
     plain, trials = bench.tried({}), list[Trial]()
@@ -156,7 +156,7 @@ def tune(labelled: Sequence[LabelledImage], budget: float, tell: Tell) -> Tuning
 
 
 def before_and_after(labelled: Sequence[LabelledImage], tuned: TuningResult) -> list[tuple[Mask, Mask]]:
-    """The region on each image with the parameters as they were, and with the best setting; empty where there is none."""
+    """Regions of each image with the old and with the best setting; empty masks where there is none."""
     bench = Bench(labelled)
     pairs = []
     for number, one in enumerate(labelled):
@@ -167,7 +167,7 @@ def before_and_after(labelled: Sequence[LabelledImage], tuned: TuningResult) -> 
 
 
 def _halve(bracket: list[Trial], bench: Bench, count: int, end: float) -> None:
-    """Try all on the first images, the better half on as many more, and so on until all images are seen.
+    """Successive halving: all on the first images, the better half on twice as many, and so on.
 
     After `end` no other begins a round, so that the best is still seen by all.
     """
@@ -185,12 +185,12 @@ def _halve(bracket: list[Trial], bench: Bench, count: int, end: float) -> None:
 
 
 def _best(trials: Sequence[Trial], count: int) -> Trial:
-    """The best of those that all images have seen."""
+    """The best of the settings tried on all images."""
     return max((trial for trial in trials if len(trial.found) == count), key=lambda trial: trial.mean)
 
 
 def _sensitivity(trials: Sequence[Trial]) -> tuple[tuple[str, float], ...]:
-    """How far the means of the values of each key that has several lie apart, on the images that all were tried on."""
+    """Range of the mean IoU over the values of each key, for settings tried on all images."""
     figures = []
     keys = dict.fromkeys(key for trial in trials for key in trial.setting)
     for key in keys:

@@ -1,1 +1,1 @@
-"""The motion between two images: the points that show the ground, the fit on them, and what may be wrong with poses."""
+"""Motion between two images: candidate ground points, the fit on them, and possible errors of the poses."""

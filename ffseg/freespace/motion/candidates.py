@@ -1,4 +1,4 @@
-"""Where to look for the ground: texture of the free space, what is enclosed, and the border of the free space."""
+"""Candidate ground points: texture of the free space, enclosed components, and the border of the free space."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ FREE, FOOT = -1, -2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SegmentedImage:
-    """What was segmented in an image.
+    """An image with its segmentation.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class SegmentedImage:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GroundCandidates:
-    """Points of the current image that may show the ground.
+    """Points of the current image that may lie on the ground.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class GroundCandidates:
 
 
 def ground_candidates(camera: Camera, grey: Image, segmented: SegmentedImage) -> GroundCandidates:
-    """All points of an image that may show the ground.
+    """All points of an image that may lie on the ground.
 
     Notes
     -----
@@ -109,7 +109,7 @@ def outer_joints(contours: Sequence[FreeForm]) -> Array:
 
 
 def _thinned(camera: Camera, border: Array | None) -> Array:
-    """Samples of the border, evenly thinned, without those where the image of the scene ends."""
+    """Evenly spaced samples of the border, without those at the rim of the view."""
     if border is None or not len(border):
         return np.empty((0, 2))
     distance = np.hypot(*(border - camera.center).T)

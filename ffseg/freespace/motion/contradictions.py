@@ -1,4 +1,4 @@
-"""What may be wrong with poses that the ground contradicts: units, signs, order, mount height."""
+"""Possible errors in poses that the ground contradicts: units, signs, order, mount height."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Confirmed = Callable[[Motion, Camera], tuple[GroundFit, float] | None]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Contradiction:
-    """What is likely wrong.
+    """A likely error.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Contradiction:
 
 
 def unlikely_units(camera: Camera, poses: tuple[Pose, Pose]) -> str:
-    """What no camera and no pair of poses in metres says; empty when nothing is wrong."""
+    """Values that no camera, and no poses in metres, have; empty if there are none."""
     height, baseline = camera.mounting(), relative_motion(*poses).baseline
     if height > MAX_HEIGHT:
         unit, factor = ("millimetres", 1000.0) if height > 20.0 * MAX_HEIGHT else ("centimetres", 100.0)
@@ -53,7 +53,7 @@ def unlikely_units(camera: Camera, poses: tuple[Pose, Pose]) -> str:
 
 
 def likely_cause(camera: Camera, poses: tuple[Pose, Pose], confirmed: Confirmed, agree: int) -> Contradiction | None:
-    """The reading of the poses that the ground agrees with, where it is another than the given one.
+    """The interpretation of the poses that the ground supports, if it differs from the given one.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def _differs(stated: Motion, other: Motion, camera: Camera, other_camera: Camera
 
 
 def _readings(camera: Camera, poses: tuple[Pose, Pose]) -> Iterator[tuple[str, Motion, Camera]]:
-    """Other readings of the poses: what is said of each, its motion and its camera."""
+    """Other interpretations of the poses: description, motion and camera of each."""
     flat = [planar_place(camera, pose) for pose in poses]
     degrees = [(x, y, np.deg2rad(theta)) for x, y, theta in _unwrapped(poses, flat)]
     readings = {
@@ -114,7 +114,7 @@ def _sentence(poses: tuple[Pose, Pose], what: str) -> str:
 
 
 def _unwrapped(poses: tuple[Pose, Pose], flat: list[tuple[float, float, float]]) -> list[tuple[float, float, float]]:
-    """Planar poses with theta as the file says it, where it says one."""
+    """Planar poses with theta as the file states it, if it does."""
     return [
         (x, y, pose.theta if pose.theta is not None else theta) for pose, (x, y, theta) in zip(poses, flat, strict=True)
     ]

@@ -1,4 +1,4 @@
-"""Which motion a pair is judged with: poses, the ground, or both; or why there is none."""
+"""The motion of a pair: from poses, the ground, or both; or the reason why there is none."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ PRESENT: tuple[tuple[Look, ...], ...] = (("full", "full"), ("half", "full", "ful
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PairMotion:
-    """The motion of a pair, or why it has none.
+    """Motion of a pair, or the reason why there is none.
 
     Attributes
     ----------
@@ -120,7 +120,7 @@ def threshold_parallax(camera: Camera, motion: Motion, points: Array, epsilon: f
 
 
 def stated_motion(poses: tuple[Pose, Pose]) -> Motion:
-    """Motion between poses, with the standard deviations that they state or that wheel odometry has."""
+    """Motion between poses, with the standard deviations that they state, or those of wheel odometry."""
     bare = relative_motion(*poses)
     stated = [pose.sigmas for pose in poses if pose.sigmas is not None]
     if len(stated) < len(poses):
@@ -141,7 +141,7 @@ def _without(
 def _searched(
     camera: Camera, pair: tuple[Image, Image], candidates: GroundCandidates, segmented: SegmentedImage
 ) -> GroundFit | None:
-    """The motion that the ground shows without poses: the best of the starts of a search, if it is good."""
+    """Motion from the ground without poses: the best of the search's candidates, if it is good."""
     best = None
     sigmas = prior_sigmas(*SEARCH_SIGMAS)
     for rough in search_ground_motions(camera, *pair, segmented.free, segmented.components):
@@ -157,7 +157,7 @@ def _fits(
     camera: Camera, prior: Motion, sigmas: Array, pair: tuple[Image, Image], candidates: GroundCandidates,
     ways: tuple[tuple[Look, ...], ...],
 ) -> Iterator[GroundFit]:  # fmt: skip
-    """Fits round a prior, until one is good."""
+    """Fits near a prior, until one is good."""
     for looks in ways:
         fit = fit_ground(camera, prior, sigmas, pair, candidates, looks)
         if fit is not None:
@@ -177,7 +177,7 @@ def _with_poses(
     candidates: GroundCandidates,
     segmented: SegmentedImage,
 ) -> PairMotion:
-    """Poses and ground together; poses alone where the ground is silent; nothing where it contradicts them."""
+    """Poses and ground together; poses alone if no ground is seen; nothing if they contradict each other."""
     stated = stated_motion(poses)
     refused = unlikely_units(camera, poses)
     if refused:
@@ -205,7 +205,7 @@ def _with_poses(
 def _confirmed(
     pair: tuple[Image, Image], candidates: GroundCandidates, motion: Motion, camera: Camera
 ) -> tuple[GroundFit, float] | None:
-    """What agrees with another reading of the poses, and by how many standard deviations the ground corrects it."""
+    """The fit that supports another interpretation of the poses, and its correction in standard deviations."""
     tried = _with_odometry(motion, "ground points")
     sigmas = prior_sigmas(*_planar(tried))
     for fit in _fits(camera, tried, sigmas, pair, candidates, PRESENT[1:2]):
@@ -225,7 +225,7 @@ def _planar(motion: Motion) -> tuple[float, float]:
 
 
 def _far(offset: Array, sigmas: Array) -> bool:
-    """Whether the ground moves poses by more than they can be off."""
+    """Whether the ground corrects poses by more than their possible error."""
     shift = float(np.hypot(*offset[:2]))
     return shift > SLACK_METRES + MAX_SIGMAS * float(sigmas[0]) or abs(float(offset[2])) > MAX_SIGMAS * float(sigmas[2])
 

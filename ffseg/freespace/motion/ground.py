@@ -1,4 +1,4 @@
-"""Motion read off the ground itself: points that may show it, placed in both images, and what agrees with them."""
+"""Motion from the ground: candidate points placed in both images, and a robust fit."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ MIN_INLIER_FRACTION = 0.35
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GroundFit:
-    """A motion with its ground, and the points it was read off.
+    """A motion with its ground plane, and the points it was estimated from.
 
     Attributes
     ----------
@@ -84,21 +84,21 @@ class GroundFit:
 
     @property
     def count(self) -> int:
-        """Points that agree."""
+        """Number of inliers."""
         return int(np.count_nonzero(self.inliers))
 
     @property
     def share(self) -> float:
-        """Of the well-placed points, those that agree."""
+        """Fraction of inliers among the well-placed points."""
         return self.count / max(1, len(self.inliers))
 
     @property
     def answer(self) -> float:
-        """Of the points that should have been placed, those that agree."""
+        """Fraction of inliers among the points that should have been placed."""
         return self.count / max(1, self.tracks.num_expected)
 
     def without(self, count: int) -> Doubt:
-        """What the points of all others say of the motion that each of so many components is judged by."""
+        """For each component, the motion estimated from all other points."""
         levers, white, owner = self.levers[self.inliers], self.white[self.inliers], self.tracks.owner[self.inliers]
         whole, squares = _normal(levers) + self.hold, np.sum(white**2, axis=1)
         owned = owner >= 0
@@ -116,7 +116,7 @@ class GroundFit:
         return Doubt(steps, inverses * np.maximum(scatter, 1.0)[:, None, None], known)
 
     def slopes_near(self, places: Array) -> Array:
-        """Slopes of the points nearest to places, shape (m, 2), of the current image: shape (m, 2, 8)."""
+        """Slopes at the points nearest to places, shape (m, 2), of the current image: shape (m, 2, 8)."""
         x, y = (self.tracks.current[:, axis] - places[:, axis, None] for axis in (0, 1))
         near: Array = self.slopes[np.argmin(x * x + y * y, axis=1)]
         return near
@@ -124,7 +124,7 @@ class GroundFit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Doubt:
-    """What is known of the motion apart from a component itself.
+    """Uncertainty of the motion without a component's own points.
 
     Attributes
     ----------
@@ -151,7 +151,7 @@ class Doubt:
 
 
 def shared_doubt(motion: Motion, count: int) -> Doubt:
-    """The same for components that had no say in the motion."""
+    """The same for components whose points were not used in the motion."""
     errors = motion.errors()
     covariances = np.tile(errors.T @ errors, (count, 1, 1))
     return Doubt(np.zeros((count, PARAMETERS)), covariances, np.ones(count, np.bool_))
@@ -170,7 +170,7 @@ def fit_ground(
     candidates: GroundCandidates,
     looks: tuple[Look, ...],
 ) -> GroundFit | None:
-    """Correct a motion so that points on the ground agree with both images.
+    """Correct a motion so that ground points agree in both images.
 
     Parameters
     ----------
@@ -205,7 +205,7 @@ def fit_ground(
 def _fitted(
     camera: Camera, motion: Motion, tracks: TrackedPoints, offset: Array, sigmas: Array, *, first: bool
 ) -> GroundFit | None:
-    """Parameters by RANSAC at first, then by least squares with a hard gate; the motion is linear near its prior."""
+    """Parameters by RANSAC, then by least squares with a hard gate; the motion is linear near its prior."""
     if len(tracks.current) < MIN_INLIERS:
         return None
     root = np.linalg.cholesky(tracks.information)
@@ -266,7 +266,7 @@ def _consensus(levers: Array, miss: Array, offset: Array, sigmas: Array) -> Arra
 
 
 def _trials(random: np.random.Generator, levers: Array, seen: Array, sigmas: Array) -> Array:
-    """Parameters through ``SAMPLE`` points each; what a sample says of nods is believed."""
+    """Parameters through ``SAMPLE`` points each; nods in a sample are not shrunk towards the prior."""
     chosen = random.integers(0, len(levers), (TRIALS, SAMPLE))
     loose = np.where(np.arange(PARAMETERS) >= 3, 10.0 * sigmas, sigmas)
     lever = levers[chosen].reshape(TRIALS, -1, PARAMETERS)
@@ -282,12 +282,12 @@ def _normal(levers: Array) -> Array:
 
 
 def _scatter(white: Array) -> float:
-    """By how much the residuals' variance exceeds what they claim; never below 1."""
+    """Factor by which the residuals' variance exceeds the stated one; at least 1."""
     return max(1.0, float(np.sum(white**2)) / max(1, 2 * len(white) - 5))
 
 
 def _moved(camera: Camera, motion: Motion, step: Array, covariance: Array, inliers: int) -> tuple[Camera, Motion]:
-    """Camera and motion after a correction of so much certainty."""
+    """Camera and motion after a correction with this covariance."""
     rotations, translations, ups = perturbed(camera, motion, step[None])
     values, vectors = np.linalg.eigh(covariance)
     spread = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T

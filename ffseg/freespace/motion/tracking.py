@@ -1,4 +1,4 @@
-"""Points of the current image placed in the previous one, as well as each of them can be."""
+"""Points of the current image placed in the previous one, each with its precision."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ FAINT = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackedPoints:
-    """Points that were placed.
+    """Placed points.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class TrackedPoints:
 def track_points(
     camera: Camera, motion: Motion, pair: tuple[Image, Image], candidates: GroundCandidates, look: Look
 ) -> TrackedPoints:
-    """Place points from where the ground would put them.
+    """Place points, starting from where the ground would put them.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def track_points(
 
 
 def placement_information(found: Alignments, radius: int, finest: float) -> Array:
-    """Information of placements above what noise alone pretends to, and no finer than `finest` pixels."""
+    """Information of placements in excess of that of pure noise, and no finer than `finest` pixels."""
     pretended = NOISE_SLOPES * (2 * radius + 1) ** 2 * found.noise
     information, pretended = np.nan_to_num(found.information), np.nan_to_num(pretended)
     half, skew, both = _symmetric(information)
@@ -120,7 +120,7 @@ def _symmetric(information: Array) -> tuple[Array, Array, Array]:
 
 
 def _halved(pair: tuple[Image, Image], points: Array, expected: Candidates, look: Look) -> tuple[Alignments, Array]:
-    """Placements at half the resolution, in pixels of the whole."""
+    """Placements at half the resolution, in pixels of the full image."""
     small = halved(pair[0]), halved(pair[1])
     start, sigma = Candidates(expected.pixels / 2.0, expected.warps), HALF_SIGMA
     if look == "far":
@@ -131,7 +131,7 @@ def _halved(pair: tuple[Image, Image], points: Array, expected: Candidates, look
 
 
 def _searched(small: tuple[Image, Image], points: Array, start: Candidates) -> Candidates:
-    """The best place of each point within ``FAR_STEPS`` of where it is expected; NaN without one."""
+    """The best place of each point within ``FAR_STEPS`` of its prediction; NaN without one."""
     axis = np.arange(-FAR_STEPS, FAR_STEPS + 1.0)
     steps = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
     places = start.pixels + steps
