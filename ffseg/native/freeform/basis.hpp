@@ -25,8 +25,8 @@ struct Basis {
     std::array<Row, D + 1> slope{};                  // V' V^-1: derivatives at the samples
     std::array<std::array<Row, kSub>, D> between{};  // between[k][j]: the point at t = (k + j / kSub) / D
     std::array<std::array<Row, kSub>, D> between_slope{};
-    // The same as `between` and `between_slope` with the positions side by side, and the way from each position to the
-    // next, in single precision: to look whether a pixel is blocked.
+    // `between` with the positions side by side, and the step from each position to the next, in single precision: for
+    // testing pixels.
     using Lanes = std::array<std::array<float, kSub>, D + 1>;
     std::array<Lanes, D> places{}, headings{}, strides{};
     std::array<Row, 2 * D + 1> halves{};             // the points at t = i / (2 D) (Alg. 2)
@@ -55,7 +55,7 @@ struct Basis {
     }
 
 private:
-    // The standard library's are no constant expressions in C++17.
+    // Those of the standard library are not constexpr in C++17.
     static constexpr double size(double x) { return x < 0 ? -x : x; }
     static constexpr void exchange(Row& a, Row& b) {
         const Row kept = a;
@@ -169,7 +169,7 @@ inline Vec2 apply(const std::array<double, D + 1>& row, const std::array<Vec2, D
     return sum;
 }
 
-// The samples of a patch in single precision, each four times over.
+// The samples of a patch in single precision, each repeated four times.
 template <int D>
 struct Spread {
     std::array<Float4, D + 1> x, y;
@@ -182,7 +182,7 @@ struct Spread {
     }
 };
 
-// All positions of one interval side by side: such weights applied to the samples of a patch.
+// All points of one interval at once: weights applied to the samples of a patch.
 template <int D>
 struct Places {
     static constexpr int kFours = Basis<D>::kSub / 4;

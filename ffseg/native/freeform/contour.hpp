@@ -1,4 +1,4 @@
-// The evolving contour: what the steps of Algorithm 4 work on, and what holds between them.
+// The evolving contour: the state of Algorithm 4, and its invariants between steps.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -40,23 +40,23 @@ struct Motion {
     std::array<double, D> chord;
 };
 
-// Where the contour has been: tiles in which a sample has been, pixels from which a patch at rest was woken.
+// Where the contour has been: tiles visited by a sample, pixels from which a resting patch was woken.
 struct Memory {
     std::vector<std::uint8_t> reached;
     std::unordered_set<std::size_t> retried;
-    int num_stray = 0;  // patches at rest with a sample in the open, when last looked at closely
+    int num_stray = 0;  // resting patches with a sample in open space, at the last close test
 };
 
-// What one iteration may spend on topology: patches visited and pairs tested; and what all have spent so far.
+// Budget of one iteration for topology, in patch visits and pair tests, and the work of all iterations so far.
 struct Effort {
     mutable std::size_t visits = 0;
     std::size_t most = 0;
-    std::size_t work = 0;  // patches moved or looked at closely; kMaxVisits visits count as one
-    std::size_t asked = 0;  // in one iteration, whether a loop is nested
-    bool unresolved = false;  // polygons crossed in this iteration that no flip has parted
+    std::size_t work = 0;  // patches moved or examined; kMaxVisits visits count as one
+    std::size_t asked = 0;  // queries in one iteration whether a loop is nested
+    bool unresolved = false;  // a crossing of this iteration that no flip has resolved
 };
 
-// Room that steps use again in each iteration.
+// Buffers reused in each iteration.
 template <int D>
 struct Buffers {
     std::vector<Motion<D>> motion;
@@ -64,7 +64,7 @@ struct Buffers {
     std::vector<std::pair<double, int>> keys;
     std::vector<topology::Strip> strips;
     std::vector<std::uint8_t> moving;
-    std::vector<int> seen;  // the last question in which a patch was looked at, or of whose loop it is
+    std::vector<int> seen;  // the last query that visited a patch, or that its loop belongs to
     int question = 0;
 };
 
@@ -75,11 +75,10 @@ struct Buffers {
 //  negative;
 //  4. all samples lie in the image, and no curve enters an edge it was not made on;
 //  5. `order` names every living patch once, its first `num_ordered` as the last sweep left them;
-//  6. `active` names every active patch once; what else it names has come to rest, or is dead, in this iteration;
+//  6. `active` names every active patch once; its other entries came to rest, or died, in this iteration;
 //  7. dead patches are in `retired` until the iteration ends, and their slots are not used again before;
-//  8. control points and box of a patch are those of its samples (Eq. 6) where it was refreshed since they changed:
-//  when
-//     crossings are looked for, all are.
+//  8. control points and box of a patch follow from its samples (Eq. 6) once it is refreshed; all are when crossings
+//     are tested.
 template <int D>
 class Contour : public Pool<D> {
 public:
@@ -155,7 +154,7 @@ public:
         return fresh;
     }
 
-    // The curve may leave the image between samples that do not; what is sampled from it anew must not.
+    // Between samples inside the image the curve may leave it; new samples of it are moved inside.
     void keep_inside(int i) {
         bool moved = false;
         for (Vec2& sample : (*this)[i].m) {
@@ -209,12 +208,12 @@ public:
 
     EvolutionOptions options;
     field::Field field;
-    std::unique_ptr<region::Pressure> pressure;  // by colour, where it has any weight
+    std::unique_ptr<region::Pressure> pressure;  // by colour, if its weight is positive
     EvolutionCounts counts;
     std::vector<int> active, order, retired;
     std::size_t num_ordered = 0;
     std::vector<std::pair<int, int>> undecided;  // flips whose components cannot be classified yet
-    bool outside_filled = false;                 // the starts close in
+    bool outside_filled = false;                 // contours close in from outside
     Memory memory;
     Effort effort;
     Buffers<D> buffers;

@@ -25,7 +25,7 @@ constexpr double kSteady = 0.25;
 
 // How far a point may move along `normal`, at most `wanted`, before it meets what is blocked; `known` pixels are free.
 inline double reach(const field::Field& field, Vec2 from, Vec2 normal, double wanted, double known) {
-    if (known <= 0 && wanted >= kCautiousStep) {  // near edges: all places are looked at, without branches
+    if (known <= 0 && wanted >= kCautiousStep) {  // near edges: all points are tested, without branches
         const auto march = [&](auto is_blocked) {
             int steps = 0, free = 1;
             for (int at = 1; at <= static_cast<int>(kCautiousStep / kMarchStep); ++at) {
@@ -52,7 +52,7 @@ template <int D>
 void measure(Contour<D>& contour, int i, Motion<D>& motion) {
     motion.points = contour.samples(i);
     std::array<Vec2, D + 1> slope;
-    std::array<double, 2 * D + 1> size;  // of the slopes and the chords, whose square roots are taken side by side
+    std::array<double, 2 * D + 1> size;  // squared lengths of slopes and chords, whose roots are taken together
     for (int k = 0; k <= D; ++k) {
         slope[k] = apply<D>(kBasis<D>.slope[k], motion.points);
         size[k] = norm2(slope[k]);
@@ -83,7 +83,7 @@ void displace(Contour<D>& contour, int i, const Motion<D>& motion) {
     for (int k = D - 1; k >= 0; --k) {
         const double ahead = free;
         free = contour.field.free_reach(motion.points[k]);
-        // Could the curve between this sample and the next, wherever they move now, be near anything blocked?
+        // Could the curve between this sample and the next come near anything blocked, wherever they move?
         near_edges |= free + ahead < kBulge * motion.chord[k] + 2 * contour.options.balloon;
         const Vec2 tangent = k > 0 ? motion.tangent[k] : unit(motion.tangent[0] + prev.end_tangent);
         const Vec2 normal{tangent.y, -tangent.x};
@@ -92,7 +92,7 @@ void displace(Contour<D>& contour, int i, const Motion<D>& motion) {
             s = contour.pressure->reach(motion.points[k], normal, s);
         }
         Vec2 to = motion.points[k] + s * normal;
-        // Well off edges the spacing is evened out along the tangent; the shape keeps to first order.
+        // Away from edges samples slide along the tangent towards even spacing; the shape is kept to first order.
         const double back = k > 0 ? motion.chord[k - 1] : prev.last_chord;
         const double aside = std::min(std::max(0.25 * (motion.chord[k] - back), -1.0), 1.0);
         to += (free > s + 1.0 ? aside : 0.0) * tangent;

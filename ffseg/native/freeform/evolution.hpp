@@ -11,9 +11,9 @@
 
 namespace ffseg::freeform {
 
-// The ground that pixels show, in square cells of one size, or none: then the pixels are the plane.
+// The ground plane in square cells; without cells the plane is the image itself.
 struct Plane {
-    const std::int32_t* cells = nullptr;  // of each pixel, row << 16 | column; negative where it shows no ground
+    const std::int32_t* cells = nullptr;  // of each pixel, row << 16 | column; negative if it shows no ground
     int side = 0;                         // cells
 };
 
@@ -24,7 +24,7 @@ struct EvolutionOptions {  // defaults live with the parameters
     bool refine = false;
     bool topology = false;
     int max_iterations = 0;
-    std::size_t budget = 0;  // patches moved or looked at closely; 0: no limit
+    std::size_t budget = 0;  // patches moved or examined; 0: no limit
     double clearance = 0.0;  // px, or cells of the plane
     double settle = 0.0;     // px, reach of the attraction to the ridge; 0 switches it off
     double ridge_low = 0.0;  // stored units: gradients below it are no ridge
@@ -58,7 +58,7 @@ public:
     virtual ContourSet contours() const = 0;
     virtual const EvolutionCounts& counts() const = 0;
     virtual Stop stop_reason() const = 0;
-    // What of the budget was spent.
+    // Work done, in units of the budget.
     virtual std::size_t work() const = 0;
 };
 

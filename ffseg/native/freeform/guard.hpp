@@ -1,4 +1,4 @@
-// The promise that the curve never enters an edge band: what meets an edge after a move is put back (Section 3.2).
+// The guarantee that the curve never enters an edge band: samples are put back if it does (Section 3.2).
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -11,7 +11,7 @@ namespace ffseg::freeform {
 // chain, and away from the edge band less than the width of that band, which the curve may cross obliquely.
 constexpr float kTestEvery = 0.7f, kTestAfar = 1.75f;
 
-// The square of the longest of some steps.
+// The square of the longest step.
 template <int D>
 float widest2(const Places<D>& step) {
     Float4 most = all(0.0f);
@@ -19,10 +19,10 @@ float widest2(const Places<D>& step) {
     return std::max(std::max(most[0], most[1]), std::max(most[2], most[3]));
 }
 
-// Does the curve between samples k and k + 1 meet an edge, which have `free` pixels round them in sum? Edges are
-// 4-connected chains of pixels, at least 0.7 pixels thick; with the band round them they are three pixels thick, so
-// that none hides between two places off the band that lie nearer to each other. The places tested lie about evenly,
-// but for a curve just made, which may oscillate.
+// Does the curve between samples k and k + 1 meet an edge? `free` is the sum of the free radii round both. Edges are
+// 4-connected chains of pixels, at least 0.7 pixels thick, and three pixels with their band: none fits between two
+// tested points off the band that are nearer to each other. The points are about evenly spaced, except on a new curve,
+// which may oscillate.
 template <bool kMayOscillate, int D>
 bool interval_hits(const Contour<D>& contour, const Points<D>& points, const Spread<D>& spread, int k, double free) {
     constexpr int kSub = Basis<D>::kSub;
@@ -31,12 +31,12 @@ bool interval_hits(const Contour<D>& contour, const Points<D>& points, const Spr
     const Places<D> at(kBasis<D>.places[k], spread);
     const unsigned seen = contour.field.contents(at.x, at.y) | contour.field.contents(points[k + 1]);
     if (field::Field::is_solid(seen)) return true;
-    float gap2 = static_cast<float>(chord2) / (kSub * kSub);  // between two places looked at, squared
+    float gap2 = static_cast<float>(chord2) / (kSub * kSub);  // between tested points, squared
     if constexpr (kMayOscillate) gap2 = widest2(Places<D>(kBasis<D>.strides[k], spread));
     if (gap2 <= (seen == 0 ? kTestAfar * kTestAfar : kTestEvery * kTestEvery)) return false;
     const Places<D> stride(kBasis<D>.strides[k], spread);
     const int pieces = 1 + static_cast<int>(std::sqrt(gap2) / kTestEvery);
-    for (int piece = 1; piece < pieces; ++piece) {  // straight, between the places looked at
+    for (int piece = 1; piece < pieces; ++piece) {  // straight, between tested points
         const float u = static_cast<float>(piece) / static_cast<float>(pieces);
         auto x = at.x, y = at.y;
         for (int q = 0; q < Places<D>::kFours; ++q) {
@@ -48,7 +48,7 @@ bool interval_hits(const Contour<D>& contour, const Points<D>& points, const Spr
     return false;
 }
 
-// The first stretch of a patch that meets an edge, -1 if none does.
+// The first interval of a patch that meets an edge, -1 if none does.
 template <bool kMayOscillate, int D>
 int first_hit(const Contour<D>& contour, int i) {
     const Points<D> points = contour.samples(i);
@@ -62,13 +62,13 @@ int first_hit(const Contour<D>& contour, int i) {
     return -1;
 }
 
-// Does the curve of a patch just made meet an edge?
+// Does the curve of a new patch meet an edge?
 template <int D>
 bool meets_edge(const Contour<D>& contour, int i) {
     return first_hit<true>(contour, i) >= 0;
 }
 
-// The number of stretches of a patch just made that meet an edge.
+// The number of intervals of a new patch that meet an edge.
 template <int D>
 int num_hits(const Contour<D>& contour, int i) {
     const Points<D> points = contour.samples(i);
@@ -95,7 +95,7 @@ bool put_back(Contour<D>& contour, int i, int k) {
     return true;
 }
 
-// Puts samples back until the curve meets no edge; the state before the move met none. Says whether it was stopped.
+// Puts samples back until the curve meets no edge, as before the move. True if it was stopped.
 template <int D>
 bool hold_patch(Contour<D>& contour, int i) {
     bool stopped = false;
@@ -105,7 +105,7 @@ bool hold_patch(Contour<D>& contour, int i) {
         stopped = true;
         const bool left = put_back(contour, i, k), right = put_back(contour, i, k + 1);
         if (left || right) continue;
-        bool any = false;  // the samples farther off bend the curve here as well, the less the farther
+        bool any = false;  // more distant samples influence the curve here, too, though less
         for (int ring = 1; ring < D && !any; ++ring) {
             any = k >= ring && put_back(contour, i, k - ring);
             any = (k + 1 + ring <= D && put_back(contour, i, k + 1 + ring)) || any;

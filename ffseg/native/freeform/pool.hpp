@@ -25,11 +25,11 @@ struct Patch {
     double last_chord = 0;   // distance between the last two samples before this iteration's move
     int next = -1, prev = -1;
     std::uint8_t budget = kSplitBudget;  // of repairs left, see kSplitBudget
-    std::uint8_t reductions = 0;             // times it was reductions near edges
+    std::uint8_t reductions = 0;             // of degree, near edges
     std::uint8_t steady = 0;    // bit k: sample k did not move in this iteration
     std::uint8_t reverted = 0;  // bit k: sample k was put back because the curve met an edge
-    bool examined = false;      // at rest, and looked at closely since
-    bool starved = false;       // could advance between its samples, but had no repairs left
+    bool examined = false;      // at rest, and examined since
+    bool starved = false;       // could advance between samples, but has no repairs left
     bool alive = false, active = false, near_edges = false, wants_split = false, touched = false;
 };
 
@@ -37,8 +37,8 @@ struct Patch {
 template <int D>
 constexpr std::uint8_t kAllSteady = static_cast<std::uint8_t>((1u << D) - 1u);
 
-// Patches by the rows of the image that their boxes reach into, for questions of many points. One may stand twice in a
-// row, or where it is no longer: who asks looks at the box. Only as long as it is used it follows what is refreshed.
+// Patches by the image rows of their boxes, for queries of many points. Entries may be repeated or outdated: queries
+// test the box. The index follows refreshed patches only while it is in use.
 class Rows {
 public:
     void reset(int height) {
@@ -53,7 +53,7 @@ public:
     bool used = false;
 
 private:
-    static constexpr int kHeight = 16;  // pixels: few patches reach into two
+    static constexpr int kHeight = 16;  // pixels; most patches lie in one
     std::size_t row_of(double y) const {
         return static_cast<std::size_t>(std::clamp(y / kHeight, 0.0, static_cast<double>(rows_.size() - 1)));
     }

@@ -13,7 +13,7 @@ constexpr double kPruneRatio = 0.2;
 // A patch is re-sampled evenly if its longest chord between samples exceeds its shortest by this factor.
 constexpr double kUneven = 3.0;
 
-// A patch near edges that gets on has all its repairs again: as often as there are tiles, so the evolution ends.
+// Renews the repairs of patches near edges that advance into a new tile, so at most once per tile: the evolution ends.
 template <int D>
 void renew_repairs(Contour<D>& contour) {
     for (const int i : contour.active) {
@@ -42,7 +42,7 @@ bool too_long(const Contour<D>& contour, int i) {
     return false;
 }
 
-// Has the curve run over itself here: does a stretch between two samples point backwards after the move?
+// Does the curve fold over itself: does an interval between two samples point backwards after the move?
 template <int D>
 FFSEG_INLINE bool folded(const Contour<D>& contour, int i) {
     const Patch<D>& patch = contour[i];
@@ -56,8 +56,8 @@ FFSEG_INLINE bool folded(const Contour<D>& contour, int i) {
     return false;
 }
 
-// Has a hole that holds no edge passed through itself: does every stretch of it point backwards after the move? What is
-// left on the other side crosses nothing and would come back for ever.
+// Has a hole without an edge passed through itself: does each of its intervals point backwards after the move? It
+// would cross nothing any more, and come back forever.
 template <int D>
 bool passed_itself(const Contour<D>& contour, int i) {
     int at = i;
@@ -68,7 +68,7 @@ bool passed_itself(const Contour<D>& contour, int i) {
     return topology::component_area(contour, i) < 0 && !topology::encloses_solid(contour, i);
 }
 
-// Replaces the patch by its chord, unless the chord meets an edge or an edge lies between it and the curve.
+// Replaces the patch by its chord, unless the chord meets an edge, or an edge lies between chord and curve.
 template <int D>
 bool straighten(Contour<D>& contour, int i) {
     Patch<D>& patch = contour[i];
@@ -87,7 +87,7 @@ bool straighten(Contour<D>& contour, int i) {
     return true;
 }
 
-// Takes patch i out; its neighbours meet at its middle, or at one of its ends where the middle would meet an edge.
+// Removes patch i; its neighbours meet at its middle or, if they would meet an edge there, at one of its ends.
 template <int D>
 bool prune(Contour<D>& contour, int i) {
     const int prev = contour[i].prev, next = contour[i].next;
@@ -112,7 +112,7 @@ bool prune(Contour<D>& contour, int i) {
     return false;
 }
 
-// Samples that have drawn together or apart let the curve oscillate between them; they are laid evenly along it again.
+// Re-samples the curve evenly: unevenly spaced samples let it oscillate between them.
 template <int D>
 FFSEG_INLINE void resample_evenly(Contour<D>& contour, int i, const Chords& chords) {
     Patch<D>& patch = contour[i];
@@ -129,7 +129,7 @@ FFSEG_INLINE void resample_evenly(Contour<D>& contour, int i, const Chords& chor
     }
 }
 
-// Is the control polygon much longer than the polygon of samples: does the curve oscillate about jittering samples?
+// Does the curve oscillate about jittering samples: is its control polygon much longer than the polygon of samples?
 template <int D>
 FFSEG_INLINE bool oscillates(const Contour<D>& contour, int i, double size) {
     const Patch<D>& patch = contour[i];
@@ -156,8 +156,8 @@ void reduce_degree(Contour<D>& contour, int i) {
     contour.refresh(i);
 }
 
-// Prunes a patch that has become short or has run over itself, else lays the latter on its chord; drops a hole that has
-// passed through itself. True if it is gone.
+// Prunes a patch that has become short or folds over itself, or straightens the latter; drops a hole that has passed
+// through itself. True if the patch is gone.
 template <int D>
 FFSEG_INLINE bool prune_short(Contour<D>& contour, int i, double size) {
     const Patch<D>& patch = contour[i];
@@ -174,8 +174,7 @@ FFSEG_INLINE bool prune_short(Contour<D>& contour, int i, double size) {
     return false;
 }
 
-// Reduces the degree of a curve that oscillates. Near edges it would do so again and for ever: then it needs more
-// samples, or is held.
+// Reduces the degree of a curve that oscillates. Near edges that would go on forever: there it is split, or held.
 template <int D>
 FFSEG_INLINE void damp(Contour<D>& contour, int i, double size) {
     if (D <= 2 || !oscillates(contour, i, size)) return;
@@ -191,7 +190,7 @@ FFSEG_INLINE void damp(Contour<D>& contour, int i, double size) {
     }
 }
 
-// Splits a patch that is too long (Algorithm 2), or that an edge has stopped: samples put back may pass then.
+// Splits a patch that is too long (Algorithm 2) or stopped by an edge: with more samples it may pass.
 template <int D>
 FFSEG_INLINE void split_if_needed(Contour<D>& contour, int i) {
     const Patch<D>& patch = contour[i];
@@ -209,7 +208,7 @@ FFSEG_INLINE void split_if_needed(Contour<D>& contour, int i) {
     contour[i].wants_split = false;
 }
 
-// Algorithm 2 with pruning: the patches that moved are split, pruned and repaired, so that their samples stay even.
+// Algorithm 2 with pruning: patches that moved are split, pruned and repaired, so that samples stay evenly spaced.
 template <int D>
 void split_and_prune(Contour<D>& contour) {
     if (!contour.options.refine) {
@@ -217,7 +216,7 @@ void split_and_prune(Contour<D>& contour) {
         return;
     }
     renew_repairs(contour);
-    const std::size_t count = contour.active.size();  // patches made here were just measured
+    const std::size_t count = contour.active.size();  // new patches were just tested
     for (std::size_t at = 0; at < count; ++at) {
         const int i = contour.active[at];
         if (!contour[i].alive) continue;

@@ -17,7 +17,7 @@ void spread(const Word* row, std::size_t words, int by, Word* out) {
     }
 }
 
-// Widens the runs of a row by `by` pixels to either side; they have been widened by `known` already.
+// Widens the runs of a row to `by` pixels on either side, after they have been widened by `known`.
 void widen(std::vector<Word>& row, std::vector<Word>& spare, int known, int by) {
     while (by > 0) {
         const int step = std::min({by, 2 * known + 1, kBits - 1});
@@ -46,7 +46,7 @@ void Bitmap::add(const Bitmap& other) {
     for (std::size_t at = 0; at < data_.size(); ++at) data_[at] |= other.data_[at];
 }
 
-// A row is widened step by step, from what the disc's topmost row needs to what its middle needs.
+// A row is widened step by step, from the half-width of the disc's topmost row to that of its middle.
 Bitmap Bitmap::grown(double radius) const {
     Bitmap out(height_, static_cast<int>(words_) * kBits);
     const double square = radius * radius;
@@ -72,7 +72,7 @@ Bitmap Bitmap::grown(double radius) const {
     return out;
 }
 
-// Fills the runs of `open` that hold a pixel of this row: upwards by the carry of an addition, downwards by
+// Fills the runs of `open` that contain a pixel of this row: upwards by the carry of an addition, downwards by
 // doubling.
 void Bitmap::fill_row(int y, const Bitmap& open) {
     Word* const mine = row(y);
@@ -96,7 +96,7 @@ void Bitmap::fill_row(int y, const Bitmap& open) {
     }
 }
 
-// Adds what of `open` in row `to` touches the pixels in row `from`. Says whether there was any.
+// Adds the pixels of `open` in row `to` that touch pixels of row `from`. True if there are any.
 bool Bitmap::spill(int from, int to, const Bitmap& open) {
     if (to < 0 || to >= height_) return false;
     const Word *const source = row(from), *const free = open.row(to);

@@ -1,4 +1,4 @@
-// Sets of pixels, a bit each, worked on 64 at a time: discs and floods cost a fraction of a distance transform.
+// Sets of pixels as bits, 64 at a time: dilations and floods cost a fraction of a distance transform.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -31,7 +31,7 @@ public:
 
     // All pixels nearer than `radius` to one of these. Bits beyond the width may be set in the last word.
     Bitmap grown(double radius) const;
-    // Those of `open` that hang together with these, from corner to corner too.
+    // The pixels of `open` that are 8-connected with these.
     Bitmap flooded(const Bitmap& open) const;
 
 private:

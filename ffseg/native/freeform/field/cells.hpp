@@ -1,4 +1,4 @@
-// The pixels of a field: what blocks each of them, and how far it is from there to anything blocked.
+// The pixels of a field: what blocks each of them, and its distance to the nearest blocked one.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -28,10 +28,10 @@ struct Cells {
 
 // Is there a solid pixel in these columns and rows, both ends included?
 bool holds_solid(const Cells& cells, int left, int right, int top, int bottom);
-// How far free tiles are from those that hold something blocked, the occupied ones. Tiles grow by one all round, level
-// by level; a tile not reached by level k has k free tiles on every side. Tiles at the border (the last row and column
-// may be cut) have the outside beside them. The band round an edge may lie in the next tile, one pixel deep: what is
-// free is one pixel less.
+// Distances of free tiles to the nearest occupied one (with anything blocked). Occupied tiles grow by one on all sides,
+// level by level; a tile not reached by level k has k free tiles on every side. Beyond the tiles at the border (the
+// last row and column may be cut) lies the outside. The band of an edge may reach one pixel into the next tile, so the
+// free distance is one pixel less.
 void measure_reach(Cells& cells, std::vector<std::uint8_t>& occupied);
 
 }  // namespace ffseg::field

@@ -1,4 +1,4 @@
-// contour.clearance and a robot's footprint: which ground a disc of this diameter can get to.
+// contour.clearance and a robot's footprint: the ground that a disc of this diameter can reach.
 #include <algorithm>
 #include <cstring>
 
@@ -58,7 +58,7 @@ void for_pixels(const Bitmap& pixels, const Each& each) {
 // closed.
 constexpr std::int32_t kBeyondPlane = -2;
 
-// The pixels of the ground nearer than `radius` cells to that in these pixels; beyond the plane, these themselves.
+// The pixels whose ground lies within `radius` cells of these pixels' ground; beyond the plane, the pixels themselves.
 Bitmap grown_on(const freeform::Plane& plane, const Bitmap& pixels, int width, double radius) {
     Bitmap ground(plane.side, plane.side), out(pixels.height(), width);
     const auto cell = [&](int x, int y) {
@@ -77,7 +77,7 @@ Bitmap grown_on(const freeform::Plane& plane, const Bitmap& pixels, int width, d
     return out;
 }
 
-// Takes away the pixels that show no ground.
+// Removes the pixels that show no ground.
 void keep_ground(const freeform::Plane& plane, int width, Bitmap& pixels) {
     Bitmap shown(pixels.height(), width);
     std::size_t at = 0;
@@ -89,7 +89,7 @@ void keep_ground(const freeform::Plane& plane, int width, Bitmap& pixels) {
     pixels.keep(shown);
 }
 
-// What of the ground no disc covers that keeps clear of the edges.
+// The ground that no disc clear of the edges covers.
 Bitmap uncovered(const freeform::Plane& plane, const Bitmap& edges, int width, double radius, const Bitmap& ground) {
     Bitmap roomy(ground.height(), width), left = ground;
     for (int y = 0; y < roomy.height(); ++y) std::fill_n(roomy.row(y), roomy.words(), ~Bitmap::Word{0});

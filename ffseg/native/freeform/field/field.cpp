@@ -31,7 +31,7 @@ FFSEG_INLINE bool any_set(const std::uint8_t* run) {
     return any != 0;
 }
 
-// Rows of numbers with so many zeros before and after each, and rows of zeros above and below.
+// Rows of numbers, padded with zeros on all sides.
 class Rows {
 public:
     Rows(int height, int width, int margin)
@@ -46,9 +46,9 @@ private:
     std::vector<std::uint8_t> data_;
 };
 
-// kRun cells of one row from the edges (0 or 1) of this row and those above and below it: edge pixels and the band
-// round them. A pixel under an edge pixel whose neighbour continues the edge diagonally becomes solid too, so that an
-// edge is a 4-connected chain.
+// The states of kRun pixels of a row, from the edges (0 or 1) of this row and its neighbours: edge pixels and their
+// band. A pixel below an edge pixel whose neighbour continues the edge diagonally becomes solid, too, so that edges are
+// 4-connected chains.
 FFSEG_CLONES
 void mark_run(const std::uint8_t* up, const std::uint8_t* mid, const std::uint8_t* down,
               std::uint8_t* __restrict cells) {
@@ -109,8 +109,8 @@ void read_row(const std::uint8_t* from, int width, std::uint8_t* row, std::uint8
     }
 }
 
-// Marks the edges and their band; `held` tells the runs that have any. What is written beyond the width of a row is
-// written again with the next one.
+// Marks the edges and their band; `held` are the runs that contain any. Values written beyond the end of a row are
+// overwritten with the next row.
 void mark_edges(Cells& cells, const std::uint8_t* edges, std::vector<std::uint8_t>& occupied, Rows& held) {
     static_assert(kBand == 1 && kEdge == 2, "mark_run writes these");
     const int runs = (cells.width + kRun - 1) / kRun;
@@ -155,8 +155,7 @@ void mark_outside(Cells& cells, const std::uint8_t* domain, std::vector<std::uin
     }
 }
 
-// Those free ones of kRun pixels in a row that no square of two by two free pixels covers become 1 in `slits`; says
-// whether there are any. All that is blocked has the lowest bit.
+// Sets `slits` to 1 where a free pixel of the run lies in no free square of two by two pixels. True if there are any.
 FFSEG_CLONES
 bool find_slits(const std::uint8_t* row, std::ptrdiff_t stride, std::uint8_t* __restrict slits) {
     const std::uint8_t *const up = row - stride, *const down = row + stride;
@@ -172,9 +171,9 @@ bool find_slits(const std::uint8_t* row, std::ptrdiff_t stride, std::uint8_t* __
     return any != 0;
 }
 
-// Blocks free space that no two by two free pixels fit into. Only runs of a row that hold something blocked, or lie
-// between two that do, are looked at; they are marked when the next row has been looked at. A slit lies between edges
-// on either side, so no farther than the band reaches beyond both: what is known of free tiles stays true.
+// Blocks slits: free space into which no free square of two by two pixels fits. Only runs that contain something
+// blocked, or lie between two that do, are examined, and marked after the next row. A slit lies between edges on both
+// sides, within their bands' reach, so the distances of free tiles stay valid.
 void shut_slits(Cells& cells, Rows& held) {
     using Slits = std::array<std::uint8_t, kRun>;
     std::array<std::vector<std::pair<std::uint8_t*, Slits>>, 2> found;  // where, in this row and the one before
@@ -212,8 +211,8 @@ void measure_reach(Cells& cells, std::vector<std::uint8_t>& occupied) {
     std::vector<std::uint8_t> grown(occupied.size());
     const std::size_t tiles = columns * rows;
     for (int level = 0; level < kLevels; ++level) {
-        // Across and down, all rows in one go; what runs over from one row to the next lies at the border, which is
-        // set.
+        // Across and down, all rows at once; what runs from one row into the next lies in the border, which is
+        // occupied.
         if (tiles > 2) or_three(occupied.data(), occupied.data() + 1, occupied.data() + 2, grown.data() + 1, tiles - 2);
         for (std::size_t r = 0; r < rows; ++r) grown[r * columns] = grown[(r + 1) * columns - 1] = 1;
         std::memset(occupied.data(), 1, columns);

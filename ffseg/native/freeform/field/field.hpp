@@ -1,4 +1,4 @@
-// Where a contour may go: the pixels no edge band, domain limit or image border occupies.
+// Where a contour may go: pixels outside edge bands, inside the domain and the image.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -13,16 +13,16 @@ namespace ffseg::field {
 
 class Field {
 public:
-    // Edges are solid; the pixels round them are a band that stops samples, while the curve between two samples may
-    // run through it. So do slits, which no two by two free pixels fit into: whether a front gets through a gap is
-    // settled here and not by where its samples lie. Passages drawn 6 px wide stay open at every angle.
-    // `domain` may be null.
+    // Edges are solid. The pixels round them are a band that stops samples, while the curve between two samples may
+    // cross it. Slits, into which no free square of two by two pixels fits, are blocked like the band: so the edge map
+    // decides whether a front passes a gap, and not the places of its samples. Passages drawn 6 px wide stay open at
+    // every angle. `domain` may be null.
     Field(const std::uint8_t* edges, const std::uint8_t* domain, int height, int width);
 
-    // For contour.clearance: blocks the pixels that can be reached from `starts` only through passages no disc of this
-    // diameter fits through, on the pixels or on the ground that they show. Where it fits but cannot get to is blocked,
-    // with the passages that lead there; dead ends and narrow passages between places it reaches stay free. False, with
-    // nothing changed, if it fits at none of the starts.
+    // For contour.clearance: blocks pixels that can be reached from `starts` only through passages too narrow for a
+    // disc of this diameter, in the image or on the ground plane. Places where it fits but which it cannot reach are
+    // blocked, with the passages leading there; dead ends, and narrow passages between reachable places, stay free.
+    // False, with nothing changed, if it fits at none of the starts.
     bool close_passages(const std::uint8_t* edges, const std::vector<Vec2>& starts, double clearance,
                         const freeform::Plane& plane);
 
@@ -34,20 +34,20 @@ public:
         return {std::min(std::max(p.x, -kInside), cells_.width - 1 + kInside),
                 std::min(std::max(p.y, -kInside), cells_.height - 1 + kInside)};
     }
-    // Beyond the image everything is outside the domain: a curve through samples inside it may bulge out.
+    // The outside of the image is outside the domain: a curve through samples inside it may bulge out.
     bool blocked(Vec2 p) const { return at(p) != 0; }
     unsigned contents(Vec2 p) const { return at(p); }
-    // Does the image hold p and so many pixels round it?
+    // Does the image contain p and this many pixels round it?
     FFSEG_INLINE bool holds(Vec2 p, double round) const {
         return (p.x >= round) & (p.y >= round) & (p.x <= cells_.width - 1 - round) & (p.y <= cells_.height - 1 - round);
     }
-    // The same as `blocked` for points the image holds.
+    // `blocked` for points inside the image.
     FFSEG_INLINE bool blocked_inside(Vec2 p) const {
         const auto column = static_cast<unsigned>(static_cast<int>(p.x + 1.5));
         const auto row = static_cast<unsigned>(static_cast<int>(p.y + 1.5));
         return cells_.blocked[row * cells_.stride + column] != 0;
     }
-    // Where the pixels nearest to four points are kept, to be looked up; points beyond the image belong to its border.
+    // Indices of the pixels nearest to four points; points outside the image belong to its border.
     FFSEG_INLINE std::array<std::size_t, 4> cells(Float4 x, Float4 y) const {
         const Float4 first = all(1.0f);
         const Int4 column = truncated(smaller(larger(x + 1.5f, first), all(static_cast<float>(cells_.width))));
@@ -60,7 +60,7 @@ public:
         return found;
     }
     bool blocked(std::size_t cell) const { return cells_.blocked[cell] != 0; }
-    // All that the pixels nearest to some points hold.
+    // The combined states of the pixels nearest to some points.
     template <std::size_t kFours>
     FFSEG_INLINE unsigned contents(const std::array<Float4, kFours>& x, const std::array<Float4, kFours>& y) const {
         unsigned seen = 0;
@@ -78,7 +78,7 @@ public:
         return field::holds_solid(cells_, static_cast<int>(std::ceil(low.x)), static_cast<int>(std::floor(high.x)),
                                   static_cast<int>(std::ceil(low.y)), static_cast<int>(std::floor(high.y)));
     }
-    // Does the closed polygon hold the centre of a solid pixel (even-odd)?
+    // Does the closed polygon contain the centre of a solid pixel (even-odd)?
     bool encloses_solid(const Vec2* polygon, std::size_t count) const;
     // A lower bound of the distance from p to anything blocked, known in steps of a tile up to kLevels tiles.
     double free_reach(Vec2 p) const {
@@ -89,7 +89,7 @@ public:
         return cells_.reach[static_cast<std::size_t>(row >> kTileShift) * cells_.tiles_x + (column >> kTileShift)];
     }
 
-    // Does anything blocked lie so many pixels from the pixel nearest to p, or less, along each axis?
+    // Is anything blocked within this many pixels along each axis of the pixel nearest to p?
     FFSEG_INLINE bool blocked_within(Vec2 p, int far) const {
         const int column = static_cast<int>(p.x + 1.5), row = static_cast<int>(p.y + 1.5);
         const int left = std::max(column - far, 0), right = std::min(column + far, cells_.width + 1);
@@ -113,12 +113,12 @@ public:
         }
         return seen != 0;
     }
-    // The place of a pixel in the image, row by row.
+    // The index of a pixel, row by row.
     std::size_t pixel(Vec2 p) const {
         return static_cast<std::size_t>(p.y + 0.5) * static_cast<std::size_t>(cells_.width) +
                static_cast<std::size_t>(p.x + 0.5);
     }
-    // Where tiles are named, row by row, for points clamped to the image.
+    // The index of a tile, row by row, for points clamped to the image.
     std::size_t num_tiles() const { return cells_.reach.size(); }
     std::size_t tile(Vec2 p) const {
         const auto column = static_cast<std::size_t>(p.x + 0.5), row = static_cast<std::size_t>(p.y + 0.5);

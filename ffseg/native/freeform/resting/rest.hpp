@@ -1,4 +1,4 @@
-// Which patches have come to rest, and the promise that none does in open space: the test Algorithm 4 ends with.
+// Patches come to rest, but none in open space: the test with which Algorithm 4 ends.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -21,7 +21,7 @@ constexpr double kCloseTest = 1.0;
 // Pixels: width of an edge with the band on both sides.
 constexpr int kBandWidth = 3;
 
-// Do the colours let the front on to any of these places?
+// Do the colours let the front advance to any of these points?
 template <int D>
 bool any_unstopped(const Contour<D>& contour, const Places<D>& at, const std::array<bool, Basis<D>::kSub>& wanted) {
     for (std::size_t j = 0; j < wanted.size(); ++j) {
@@ -30,8 +30,8 @@ bool any_unstopped(const Contour<D>& contour, const Places<D>& at, const std::ar
     return false;
 }
 
-// Is there room ahead of a place between samples k and k + 1? Several are looked at side by side, a step farther along
-// their normals as long as one of them is free; once more closely, at places between those.
+// Is there free space ahead of the curve between samples k and k + 1? Several points are tested together, one step
+// farther along their normals while any of them is free; in the close test, at points between these as well.
 template <bool kClosely, int D>
 bool interval_can_advance(const Contour<D>& contour, const Spread<D>& points, int k, double chord) {
     constexpr int kSub = Basis<D>::kSub, kSteps = static_cast<int>(kUncovered / kMarchStep);
@@ -97,15 +97,15 @@ bool can_advance(const Contour<D>& contour, int i) {
     return false;
 }
 
-// Is the nearest blocked pixel farther from p, which nothing stops along the normal, than an edge band is wide, and no
-// colour near that stops the front?
+// Does p lie in the open: farther from anything blocked than an edge band is wide, with no colour near it that stops
+// the front?
 template <int D>
 bool in_the_open(const Contour<D>& contour, Vec2 p) {
     if (contour.field.blocked_beside(p) || contour.field.blocked_within(p, kBandWidth)) return false;  // mostly beside
     return contour.pressure == nullptr || !contour.pressure->stops_near(p);
 }
 
-// Was a sample of a patch at rest put back although there is room ahead of it?
+// Was a sample of a resting patch put back although there is free space ahead of it?
 template <int D>
 bool held_back(const Contour<D>& contour, int i) {
     const Patch<D>& patch = contour[i];
@@ -121,7 +121,7 @@ bool held_back(const Contour<D>& contour, int i) {
     return false;
 }
 
-// Has every sample something that blocks it within the width of an edge band?
+// Is every sample within the width of an edge band of something blocked?
 template <int D>
 bool all_held(const Contour<D>& contour) {
     return std::all_of(contour.order.begin(), contour.order.end(), [&](int i) {
@@ -130,9 +130,8 @@ bool all_held(const Contour<D>& contour) {
     });
 }
 
-// Before the contour counts as converged every patch at rest is looked at closely: where it could still advance it is
-// woken. Says whether any was. A place is tried once only, so that this ends; a sample that lies
-// in the open even so is counted.
+// The close test before the contour counts as converged: resting patches that could still advance are woken. True if
+// any was. Each place is tried only once, so that the evolution ends; samples that stay in the open are counted.
 template <int D>
 bool wake_open(Contour<D>& contour) {
     contour.memory.num_stray = 0;
@@ -159,7 +158,7 @@ bool wake_open(Contour<D>& contour) {
     return !contour.active.empty();
 }
 
-// Patches whose samples are all steady leave the loop, unless the edge map between their samples is still open.
+// Patches whose samples are all steady come to rest, unless there is free space ahead between their samples.
 template <int D>
 void bring_to_rest(Contour<D>& contour) {
     const std::size_t count = contour.active.size();

@@ -1,5 +1,5 @@
-// Samples at rest that move on once more before the contour counts as converged: at the tip of a front in a passage of
-// a few pixels its normal may point at a side.
+// Resting samples that advance once more before the contour counts as converged: at the tip of a front in a passage a
+// few pixels wide, the normal may point at a side.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -27,29 +27,29 @@ constexpr double kHeldBack = 1.0;
 // other or a turn of more than that angle; at the very end it turns back.
 constexpr double kTipChord = 4.0, kTipTurn = 0.7;
 
-// Does a sample that moves pass its neighbour, so that the curve would run back there?
+// Does a moving sample pass its neighbour, so that the curve would run backwards there?
 inline bool passes(Vec2 from, Vec2 to, Vec2 neighbour) { return dot(neighbour - to, neighbour - from) <= 0; }
 
-// Does what arrives and then leaves turn as it does at a tip?
+// Does the curve turn here as at a tip?
 inline bool turns(Vec2 arriving, Vec2 leaving) {
     const double along = dot(arriving, leaving);
     return along <= 0 || along * along <= kTipTurn * kTipTurn * norm2(arriving) * norm2(leaving);
 }
 
-// The middle of a patch's chord: another one once the patch is split.
+// The middle of a patch's chord, which changes when the patch is split.
 template <int D>
 Vec2 middle(const Contour<D>& contour, int i) {
     return 0.5 * (contour[i].m[0] + contour.end(i));
 }
 
-// Has nothing at rest been moved on or split for this pixel yet? Each is tried once only, so that this ends.
+// Is this pixel tried for the first time? Each is tried only once, so that the evolution ends.
 template <int D>
 bool first_try(Contour<D>& contour, Vec2 place) {
     return contour.memory.retried.insert(contour.field.pixel(place)).second;
 }
 
-// Where a sample at rest may move on to: straight ahead, where it was put back although there is room, or aslant, where
-// its normal is blocked but there is room beside: at the mouth of a narrow passage it may point at its side.
+// Directions in which a resting sample may advance: straight ahead, if it was put back despite free space, or
+// obliquely, if its normal is blocked: at the mouth of a narrow passage it may point at its side.
 struct Way {
     Vec2 turn;  // along the normal and the tangent
     double length;
@@ -65,14 +65,14 @@ constexpr std::size_t kFirstAslant = 2;
 // corners of free space.
 constexpr double kSideways = -0.75;
 
-// A sample that may move on: which one, and the one before it.
+// A sample that may advance, and the one before it.
 struct Resting {
     int patch, k;
     Vec2 last;
 };
 
-// Moves a sample so far along a heading, if the way is free. Where only the curve meets an edge then, `hindered`
-// becomes the patch with too few samples to follow.
+// Moves a sample along a direction, if it is free. If only the curve meets an edge then, `hindered` becomes the patch
+// with too few samples to follow.
 template <int D>
 bool try_way(Contour<D>& contour, const Resting& at, Vec2 heading, double length, int& hindered) {
     Patch<D>& patch = contour[at.patch];
@@ -95,11 +95,11 @@ bool try_way(Contour<D>& contour, const Resting& at, Vec2 heading, double length
     return false;
 }
 
-// Moves a sample the first way that is free.
+// Moves a sample in the first direction that is free.
 template <int D>
 bool move_on(Contour<D>& contour, const Resting& at, Vec2 tangent, int& hindered) {
     const Vec2 from = contour[at.patch].m[at.k], normal{tangent.y, -tangent.x};
-    const bool shut = contour.field.blocked(from + kMarchStep * normal);  // mostly it is: no way straight ahead
+    const bool shut = contour.field.blocked(from + kMarchStep * normal);  // mostly: not straight ahead
     for (std::size_t way = shut ? kFirstAslant : 0; way < kWays.size(); ++way) {
         const Vec2 heading = kWays[way].turn.x * normal + kWays[way].turn.y * tangent;
         if (try_way(contour, at, heading, kWays[way].length, hindered)) return true;
@@ -107,7 +107,7 @@ bool move_on(Contour<D>& contour, const Resting& at, Vec2 tangent, int& hindered
     return false;
 }
 
-// Calls visit(pixel) for the middle of each pixel beside p, until it returns true; whether it did.
+// Calls visit(centre) for each pixel beside p until one returns true; true if so.
 template <typename Visit>
 bool visit_beside(Vec2 p, Visit visit) {
     for (const double dy : {-1.0, 0.0, 1.0}) {
@@ -119,9 +119,9 @@ bool visit_beside(Vec2 p, Visit visit) {
     return false;
 }
 
-// Moves a sample at which the curve turns back to the middle of a pixel beside it, the one most ahead first, if free
-// space goes on there: in a passage at an angle it leads from pixel to pixel, at times sideways, where no straight
-// step stays in it.
+// Moves a sample at which the curve turns back to the centre of a neighbouring pixel, the one farthest ahead first, if
+// free space continues there: an oblique passage leads from pixel to pixel, sometimes sideways, where no straight step
+// stays inside it.
 template <int D>
 bool move_to_pixel(Contour<D>& contour, const Resting& at, Vec2 next, int& hindered) {
     const Vec2 from = contour[at.patch].m[at.k], ahead = unit(unit(from - at.last) + unit(from - next));
@@ -142,7 +142,7 @@ bool move_to_pixel(Contour<D>& contour, const Resting& at, Vec2 next, int& hinde
     });
 }
 
-// Splits a patch at rest, if its halves are not so short that they are pruned.
+// Splits a resting patch, unless its halves would be pruned.
 template <int D>
 bool split_finely(Contour<D>& contour, int i) {
     if (i < 0 || contour.length(i) <= 2 * D * kPruneSpacing || !first_try(contour, middle(contour, i))) return false;
@@ -151,8 +151,8 @@ bool split_finely(Contour<D>& contour, int i) {
     return true;
 }
 
-// Moves the samples of a patch at rest on where the curve turns, as it does at the tip of a front in a passage of a few
-// pixels; a curve that has too few samples to follow is split.
+// Advances samples of a resting patch where the curve turns, as at the tip of a front in a passage a few pixels wide; a
+// curve with too few samples to follow is split.
 template <int D>
 bool slide(Contour<D>& contour, int i) {
     Patch<D>& patch = contour[i];
@@ -163,7 +163,7 @@ bool slide(Contour<D>& contour, int i) {
         const Vec2 last = k > 0 ? points[k - 1] : contour[patch.prev].m[D - 1];
         const Vec2 behind = points[k] - last, ahead = points[k + 1] - points[k];
         const bool is_tip = std::min(norm2(ahead), norm2(behind)) <= kTipChord * kTipChord;
-        // The other way round it turns back at the corner of a hole, which points into what is filled.
+        // With the opposite turn it is the corner of a hole, which points into filled ground.
         const bool turns_back = dot(behind, ahead) < 0 && cross(behind, ahead) > 0;
         if (!is_tip && !turns_back && k > 0) continue;  // the curve does not turn there
         const Vec2 leaving = apply<D>(kBasis<D>.slope[k], points);

@@ -1,4 +1,4 @@
-// Where settled contours cross themselves or each other.
+// Crossings of settled contours with themselves and each other.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -56,7 +56,7 @@ public:
         places_.erase(std::unique(places_.begin(), places_.end()), places_.end());
     }
 
-    // The patches that cross something, in order.
+    // The patches with a crossing, in order.
     const std::vector<Place>& places() const { return places_; }
     // Pairs of one component that cross each other.
     const std::vector<std::pair<Place, Place>>& loops() const { return loops_; }
@@ -112,8 +112,8 @@ private:
         return line;
     }
 
-    // Do two patches that do not meet cross? Where they bend so much that their outlines need not show it, they are
-    // tested finely.
+    // Do two patches without a common joint cross? If they bend too much for their outlines to tell, they get a fine
+    // test.
     bool cross(const Piece<D>& a, const Piece<D>& b) {
         const Outline p = outline(a), q = outline(b);
         if (touch(p, q, 0.0)) return true;
@@ -122,8 +122,8 @@ private:
         return cross_finely(a, b);
     }
 
-    // Two patches that turn back where they meet may cross so near to their joint that their outlines miss it, or,
-    // where one leaves it backwards, nearer than a fine look shows.
+    // Two patches that turn back at their joint may cross so near to it that their outlines miss it or, if one leaves
+    // it backwards, nearer than a fine test resolves.
     bool cusp(const Piece<D>& a, const Piece<D>& b) {
         if (dot(a.leaving(), b.entering()) >= 0) return false;
         tests_ += kJointTests;
@@ -133,7 +133,7 @@ private:
         return dot(b.entering(), first.back() - first.front()) < 0 || touch(last, first, kTouch);
     }
 
-    // Does one of two patches that meet come back to the other beside the joint, where their outlines miss it?
+    // Does one of two patches with a common joint return to the other beside it, where their outlines miss it?
     bool come_back(const Piece<D>& a, const Piece<D>& b) {
         tests_ += kJointTests * D;
         if (exhausted()) return false;

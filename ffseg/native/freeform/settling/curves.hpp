@@ -1,4 +1,4 @@
-// Settled patches as curves: their turning, and lines of chords that show where two of them cross.
+// Settled patches as curves: their total turning, and polygons that show where two of them cross.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -37,14 +37,14 @@ struct Piece {
     Vec2 leaving() const { return control[D] - control[D - 1]; }
 };
 
-// The angle between two sides; one of no length may turn any way.
+// The angle between two sides; pi if one has no length.
 inline double turn(Vec2 u, Vec2 v) {
     const double across = ffseg::cross(u, v), along = dot(u, v);
     return across == 0 && along == 0 ? kHalfTurn : std::abs(std::atan2(across, along));
 }
 
-// The angles of the control polygon. A curve whose polygon turns by less than half a turn in all does not cross
-// itself, nor do two that meet.
+// The total turning of the control polygon. A curve whose polygon turns by less than pi does not cross itself, nor do
+// two with a common joint that together turn by less.
 template <int D>
 double turning(const Piece<D>& a) {
     double sum = 0.0;
@@ -52,7 +52,7 @@ double turning(const Piece<D>& a) {
     return sum;
 }
 
-// Do two patches that meet advance along one direction? Then they cannot cross.
+// Do two patches with a common joint advance in a common direction? Then they cannot cross.
 template <int D>
 bool run_one_way(const Piece<D>& a, const Piece<D>& b) {
     const Vec2 along = b.control[D] - a.control[0];
@@ -64,7 +64,7 @@ bool run_one_way(const Piece<D>& a, const Piece<D>& b) {
     return true;
 }
 
-// How far a curve may lie from its outline: the sagitta of a chord.
+// Largest distance between a curve and its outline: the sagitta of a chord.
 template <std::size_t N>
 double sagitta(const std::array<Vec2, N>& line) {
     double bend = 0.0;
@@ -89,7 +89,7 @@ inline Box box_of(const Vec2* points, std::size_t count) {
 
 inline Box widened(const Box& box, double by) { return {box.x0 - by, box.y0 - by, box.x1 + by, box.y1 + by}; }
 
-// The chords of a line that come into a box: mostly few do, of two lines that hardly meet.
+// The chords of a polygon that intersect a box, mostly few.
 template <std::size_t N>
 struct Near {
     std::array<Box, N> boxes;
@@ -108,7 +108,7 @@ struct Near {
     }
 };
 
-// Do two lines of chords cross, or come nearer than `near` to each other a little off the end of the first?
+// Do two polygons cross, or come nearer than `near` to each other beside the end of the first?
 template <std::size_t N>
 bool touch(const std::array<Vec2, N>& p, const std::array<Vec2, N>& q, double near) {
     const Near<N> reached(q, widened(box_of(p.data(), N), near));

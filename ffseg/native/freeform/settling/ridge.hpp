@@ -1,4 +1,4 @@
-// The ridge of the gradient, looked for along a line.
+// Search for the ridge of the gradient along a line.
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -30,13 +30,13 @@ public:
           right_(gradient.width > 1 ? 1 : 0),
           down_(gradient.height > 1 ? gradient.width : 0) {}
 
-    // Bilinear; beyond the image as at its border.
+    // Bilinear; outside the image as at its border.
     FFSEG_INLINE double value(Vec2 p) const {
         const double x = std::min(std::max(p.x, 0.0), right_most_), y = std::min(std::max(p.y, 0.0), lowest_);
         return between(x, y, std::min(static_cast<int>(x), last_column_), std::min(static_cast<int>(y), last_row_));
     }
 
-    // Says that the gradient round p will be looked at soon.
+    // Prefetches the gradient round p.
     void announce(Vec2 p) const {
         const int column = std::clamp(static_cast<int>(p.x), 0, last_column_), row = static_cast<int>(p.y);
         for (int near = row - 1; near <= row + 2; ++near) {

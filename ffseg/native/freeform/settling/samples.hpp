@@ -1,4 +1,4 @@
-// The samples of a component and laying them out: evenly, without doubled ones, and on curves that do not oscillate.
+// Re-sampling of a component: evenly, without duplicates, and on curves that do not oscillate.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -25,7 +25,7 @@ constexpr double kMinSampleDistance = 0.5;
 // One component as its samples in order, D to a patch.
 using Samples = std::vector<Vec2>;
 
-// Both ends and what lies between them of the patch that begins at a sample.
+// The D + 1 samples of the patch that begins at a sample.
 template <int D>
 std::array<Vec2, D + 1> patch_of(const Samples& component, std::size_t first) {
     std::array<Vec2, D + 1> points;
@@ -34,7 +34,7 @@ std::array<Vec2, D + 1> patch_of(const Samples& component, std::size_t first) {
     return points;
 }
 
-// Drops samples that stand too close or turn back.
+// Drops samples that are too close together or turn back.
 inline void tidy(Samples& at) {
     Samples kept;
     for (const Vec2 p : at) {
@@ -48,7 +48,7 @@ inline void tidy(Samples& at) {
     if (kept.size() >= 4) at = std::move(kept);
 }
 
-// The samples, with points of the curve between those where it bends away from their polygon by more than this.
+// The samples, with points of the curve between them where it leaves their polygon by more than this.
 template <int D>
 Samples with_bends(const Samples& at, double most) {
     constexpr int kSub = Basis<D>::kSub;
@@ -81,9 +81,8 @@ void lay_out(Samples& at, double spacing) {
     at = std::move(even);
 }
 
-// Patches whose control polygon crosses itself may loop, those whose polygon is much longer than that of the samples
-// oscillate about them, those that leave or reach an end backwards have a hook there: all take the least-squares curve
-// of lower degree.
+// Replaced by the least-squares curve of lower degree: patches whose control polygon crosses itself, as they may loop,
+// or is much longer than the polygon of samples, as they oscillate, or leaves or reaches an end backwards (a hook).
 template <int D>
 void reduce_degree(Samples& at, const Field& field) {
     for (std::size_t first = 0; first < at.size(); first += D) {

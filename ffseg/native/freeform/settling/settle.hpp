@@ -1,4 +1,4 @@
-// The attraction to edges: a stopped contour settles on the ridge of the gradient, along its normals.
+// Attraction to edges: a stopped contour settles on the ridge of the gradient, along its normals.
 #pragma once
 #include <algorithm>
 #include <numeric>
@@ -38,7 +38,7 @@ class Settling {
 public:
     Settling(const Field& field, const Ridge& ridge, double reach) : field_(field), ridge_(ridge), reach_(reach) {}
 
-    // Returns the settled samples; with `refine` they are laid out anew, evenly, and closer where the ridge bends.
+    // Returns the settled samples; with `refine` they are re-sampled, evenly, and more densely where the ridge bends.
     Samples run(Samples samples, bool refine, double spacing, int& splits) {
         at_ = std::move(samples);
         if (refine) {
@@ -68,7 +68,7 @@ private:
         std::iota(fresh_.begin(), fresh_.end(), std::size_t{0});
     }
 
-    // Moves the fresh samples to the ridge found uphill from `expected` in [from, to], else as their neighbours.
+    // Moves fresh samples to the ridge uphill from `expected` within [from, to], or else like their neighbours.
     void project(double expected, double from, double to) {
         offset_.assign(at_.size(), 0.0);
         normal_.resize(at_.size());
@@ -88,8 +88,7 @@ private:
         for (const std::size_t i : fresh_) at_[i] = in_domain(i);
     }
 
-    // The chords that begin or end at a fresh sample: their directions, and which are long enough to take a normal
-    // across.
+    // The chords at fresh samples: their directions, and which are long enough for a normal.
     void measure() {
         chords_.clear();
         for (const std::size_t i : fresh_) {
@@ -120,7 +119,7 @@ private:
         return {tangent.y, -tangent.x};
     }
 
-    // Gaps take the median of what their neighbours found; so do lone departures.
+    // Samples without a ridge take the median of their neighbours' displacements; so do outliers.
     void reject_outliers() {
         const std::size_t n = at_.size();
         found_ = offset_;
@@ -140,7 +139,7 @@ private:
         }
     }
 
-    // Where a sample moves to: as far as the image and the domain go, whatever edges lie beyond.
+    // The target of a sample, limited to the image and the domain.
     Vec2 in_domain(std::size_t i) const {
         for (double back = 0.0; back <= reach_ + kRidgeAhead; back += kToLimit) {
             const Vec2 moved = field_.clamp(at_[i] + (offset_[i] - back) * normal_[i]);
@@ -149,7 +148,7 @@ private:
         return field_.clamp(at_[i] + offset_[i] * normal_[i]);
     }
 
-    // A sample with no ridge in reach: if the domain stopped it, it moves up to the domain's limit.
+    // A sample without a ridge in range that the domain stopped moves up to the domain's limit.
     double to_limit(std::size_t i) const {
         constexpr double kFar = 1.5;
         for (double ahead = kToLimit; ahead <= kFar; ahead += kToLimit) {
@@ -158,7 +157,7 @@ private:
         return 0.0;
     }
 
-    // Where the displacements would turn a stretch round, both ends stay nearer to where they were.
+    // Displacements that would reverse an interval are reduced at both ends.
     void unfold() {
         for (int round = 0; round < 4; ++round) {
             bool any = false;
@@ -175,7 +174,7 @@ private:
         }
     }
 
-    // Splits (Algorithm 2) the fresh patches whose curve leaves the ridge between samples; what they become is fresh.
+    // Splits (Algorithm 2) fresh patches whose curve leaves the ridge between samples; their halves are fresh again.
     int split_missed() {
         std::vector<std::size_t> missed;
         for (std::size_t at = 0; at < fresh_.size(); at += D) {
@@ -224,8 +223,8 @@ private:
     Samples at_, normal_, along_;
     std::vector<std::uint8_t> far_;
     std::vector<double> offset_, found_;
-    std::vector<std::size_t> fresh_;   // the samples that have not been moved to the ridge yet, all of some patches
-    std::vector<std::size_t> chords_;  // the samples before the chords that move
+    std::vector<std::size_t> fresh_;   // samples not yet moved to the ridge, of whole patches
+    std::vector<std::size_t> chords_;  // first samples of the chords that move
 };
 
 }  // namespace ffseg::settling

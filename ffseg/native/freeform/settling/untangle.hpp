@@ -1,4 +1,4 @@
-// Settled contours that still cross themselves or each other are smoothed and drawn back there until they do not.
+// Settled contours that still cross themselves or each other are smoothed and drawn back until they do not.
 #pragma once
 #include <algorithm>
 #include <iterator>
@@ -32,8 +32,8 @@ inline double twice_area(const Samples& at) {
     return twice;
 }
 
-// Do both parts of a component that crosses itself bound the region? Where they lie apart and run round in one way, and
-// where one is a hole of the other: the front has met itself behind an obstacle.
+// Do both parts of a component that crosses itself bound the region? They do if they lie apart with the same
+// orientation, or if one is a hole of the other: the front has met itself behind an obstacle.
 inline bool both_bound(const Samples& a, const Samples& b) {
     const double one = twice_area(a), two = twice_area(b);
     const bool first = std::abs(one) > std::abs(two), hole = (one > 0) != (two > 0);
@@ -46,7 +46,7 @@ inline bool both_bound(const Samples& a, const Samples& b) {
     return inside == hole && (!hole || (first ? one : two) > 0);
 }
 
-// A small component wound up on itself becomes its convex hull, of the same orientation.
+// A small component that winds over itself becomes its convex hull, with the same orientation.
 inline void replace_by_hull(Samples& at) {
     Samples sorted = at;
     std::sort(sorted.begin(), sorted.end(), [](Vec2 a, Vec2 b) { return a.x != b.x ? a.x < b.x : a.y < b.y; });
@@ -74,7 +74,7 @@ class Untangle {
 public:
     explicit Untangle(std::vector<Samples>& components) : components_(components), crossings_(components) {}
 
-    // True when no curve crosses any more (curves as polygons of several segments between two samples).
+    // True once no curve crosses another (curves as polygons of several segments between samples).
     bool run() {
         for (int round = 0; round < kUntangleRounds; ++round) {
             crossings_.find();
@@ -85,7 +85,7 @@ public:
             const Loops obstacles = cut_loops();
             divide(round == kDivideRound ? crossings_.loops() : obstacles);
         }
-        crossings_.restart();  // what is small and wound up may have used the tests up
+        crossings_.restart();  // small components that wind over themselves may have used up the tests
         crossings_.find();
         for (const Place& place : crossings_.places()) {
             if (components_[place.component].size() <= kSmallComponent) replace_by_hull(components_[place.component]);
@@ -97,7 +97,7 @@ public:
 private:
     using Loops = std::vector<std::pair<Place, Place>>;
 
-    // Smooths the samples of a patch and draws them back, towards the region they bound.
+    // Smooths the samples of a patch and draws them back towards the region.
     void smooth(const Place& place) {
         Samples& at = components_[place.component];
         const std::size_t n = at.size();
@@ -111,8 +111,8 @@ private:
         }
     }
 
-    // A contour that runs over itself everywhere has as many loops as pairs of patches: the next round finds the rest.
-    // Returns the loops round obstacles, which are not cut: what they hold would be free.
+    // Cuts loops, but not all in one round of a contour that crosses itself everywhere. Returns the loops round
+    // obstacles, which are kept: their ground would become free.
     Loops cut_loops() {
         Loops obstacles;
         std::size_t samples = 0, laid = 0;
@@ -120,7 +120,7 @@ private:
         for (const auto& [from, to] : crossings_.loops()) {
             const std::size_t n = components_[from.component].size(),
                               span = from.first < to.first ? to.first - from.first : from.first - to.first;
-            const bool whole = std::min(span, n - span) >= (kMinPatches + 1) * D;  // may be a component of its own
+            const bool whole = std::min(span, n - span) >= (kMinPatches + 1) * D;  // may become a component
             if (whole) laid += n;
             if (whole && holds_obstacle(from, to)) {
                 obstacles.emplace_back(from, to);
@@ -132,13 +132,13 @@ private:
         return obstacles;
     }
 
-    // Does the shorter way round between two crossing patches of one component bound an obstacle?
+    // Does the shorter part between two crossing patches of one component enclose an obstacle?
     bool holds_obstacle(Place from, Place to) const {
         const auto [part, rest] = parts(from, to);
         return twice_area(part.size() < rest.size() ? part : rest) < 0 && both_bound(part, rest);
     }
 
-    // What lies between two crossing patches of one component, and the rest of it; neither has these patches.
+    // The part between two crossing patches of one component, and the rest of it, both without these patches.
     std::pair<Samples, Samples> parts(Place from, Place to) const {
         const Samples& at = components_[from.component];
         const auto low = at.begin() + static_cast<std::ptrdiff_t>(std::min(from.first, to.first));
@@ -149,8 +149,7 @@ private:
         return {std::move(part), std::move(rest)};
     }
 
-    // What lies between two crossing patches of one component, the shorter way round, is laid on its chord. Returns the
-    // number of samples.
+    // Lays the shorter part between two crossing patches of one component on its chord. Returns the number of samples.
     std::size_t cut(Place from, Place to) {
         Samples& at = components_[from.component];
         const std::size_t n = at.size();
@@ -168,8 +167,8 @@ private:
         return span + D;
     }
 
-    // A component that crosses itself far from any loop that can be cut off becomes two, without the crossing patches;
-    // of parts that do not both bound the region only the larger one stays.
+    // Divides a component at a crossing without a loop that could be cut off, leaving out the crossing patches; if not
+    // both parts bound the region, only the larger one is kept.
     void divide(const Loops& loops) {
         std::vector<Samples> made;
         std::vector<bool> divided(components_.size(), false);

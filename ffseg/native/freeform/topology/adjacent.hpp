@@ -1,4 +1,4 @@
-// Adjacent patches that cross (Section 3.4 leaves them out): a corner of the front that folds over itself.
+// Crossings of adjacent patches (left out in Section 3.4): the front folds over itself at a corner.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -7,7 +7,7 @@
 
 namespace ffseg::topology {
 
-// Do both control polygons advance along one direction? Then they cannot cross.
+// Do both control polygons advance in a common direction? Then they cannot cross.
 template <int D>
 FFSEG_INLINE bool runs_one_way(const Contour<D>& contour, int i, int j) {
     const auto &p = contour[i].control, &q = contour[j].control;
@@ -18,7 +18,7 @@ FFSEG_INLINE bool runs_one_way(const Contour<D>& contour, int i, int j) {
     return true;
 }
 
-// Do two adjacent patches cross, but at their joint?
+// Do two adjacent patches cross other than at their joint?
 template <int D>
 bool adjacent_cross(const Contour<D>& contour, int i, int j) {
     if (runs_one_way(contour, i, j)) return false;
@@ -36,8 +36,8 @@ bool loop_may_hold_edge(const Contour<D>& contour, int i, int j) {
     return contour.field.encloses_solid(both.data(), both.size());
 }
 
-// Patch i takes the first half of its own polygon and the second of that of j, which goes. Not where it would meet an
-// edge.
+// Patch i takes the first half of its own polygon and the second half of that of j, which is removed; not if it would
+// meet an edge.
 template <int D>
 void cut_loop_off(Contour<D>& contour, int i, int j) {
     Points<D> joined = contour[i].control;

@@ -1,4 +1,4 @@
-// What a flip has made of the components it touched (Algorithm 3).
+// Classification of the components that a flip has produced (Algorithm 3).
 #pragma once
 #include <cmath>
 
@@ -14,14 +14,14 @@ constexpr double kFoldArea = 64.0;
 // The area of a component is not computed if it has this many times the patches of the one cut off from it.
 constexpr int kLongComponent = 16;
 
-// What a flip of two patches has left: one component, or two.
+// The result of a flip of two patches: one component, or two.
 struct Parts {
     int small = -1, large = -1;  // a patch of the component with fewer patches and of the other; -1: they are one
     double area = 0.0;           // of the small one
-    int patches = 0;             // at most so many are in the small one
+    int patches = 0;             // upper bound for the small one
 };
 
-// Both are followed in step, so the cost is that of the shorter one.
+// Both are followed in step, at the cost of the shorter one.
 template <int D>
 Parts parts_after(const Contour<D>& contour, int i, int j) {
     const Vec2 origin = contour[i].m[0];
@@ -64,14 +64,14 @@ void classify(Contour<D>& contour, int i, int j, int inner, bool simple) {
     const double beside = component_area(contour, large, kLongComponent * patches);
     const bool is_void = std::abs(area) < kVoidArea;
     if (is_void) drop_or_wait(small);
-    if (is_void || area < 0) {  // what a hole cuts off beside it may lie in what is filled already
+    if (is_void || area < 0) {  // what a hole cuts off may lie in filled ground
         if (beside > 0 && std::isfinite(beside) && is_nested(contour, large)) drop_or_wait(large);
         return;
     }
     if (!simple && encloses_solid(contour, small)) {
         contour.undecided.emplace_back(i, j);
     } else if (std::isinf(beside) || beside <= 0) {
-        const bool real = std::isinf(beside) || beside < -kFoldArea;  // no fold of the front is so large
+        const bool real = std::isinf(beside) || beside < -kFoldArea;  // larger than any fold of the front
         if ((real && small == inner) || is_nested(contour, small)) drop(contour, small);
     } else {
         const int within = area < beside ? small : large, outer = within == small ? large : small;
@@ -80,8 +80,7 @@ void classify(Contour<D>& contour, int i, int j, int inner, bool simple) {
 }
 
 // Drops a loop of two or three patches, too few to cross itself, that has turned inside out without a flip: it would
-// fill once more what lies round the hole that it was. Not round an edge: of a loop twisted into two lobes one may be a
-// hole that is left.
+// fill the ground round the former hole again. Not round an edge: one of two twisted lobes may still be a hole.
 template <int D>
 void drop_turned(Contour<D>& contour, int i) {
     const int third = contour[contour[i].next].next;

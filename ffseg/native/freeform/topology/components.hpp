@@ -23,7 +23,7 @@ double patch_area(const Contour<D>& contour, int i, Vec2 origin) {
     return 0.5 * twice;
 }
 
-// The area of the polygon of samples of a loop of at most so many patches, else infinity.
+// The area of a loop's polygon of samples; infinity if it has more patches than this.
 template <int D>
 double component_area(const Contour<D>& contour, int i, int most = std::numeric_limits<int>::max()) {
     const Vec2 origin = contour[i].m[0];
@@ -38,7 +38,7 @@ double component_area(const Contour<D>& contour, int i, int most = std::numeric_
     return area;
 }
 
-// Is p inside the polygon of samples of a loop (even-odd; the loop does not cross itself but at flips under way)?
+// Is p inside the polygon of samples of a loop (even-odd; it crosses itself only at flips in progress)?
 template <int D>
 bool contains(const Contour<D>& contour, int loop, Vec2 p) {
     bool inside = false;
@@ -61,7 +61,7 @@ void use_rows(Contour<D>& contour) {
     contour.rows.used = true;
 }
 
-// Does a positive loop lie in what the others have filled: is their winding number there one or more?
+// Does a positive loop lie in filled ground: is the winding number of the other loops there at least one?
 template <int D>
 bool is_nested(Contour<D>& contour, int loop) {
     auto& seen = contour.buffers.seen;
@@ -76,7 +76,7 @@ bool is_nested(Contour<D>& contour, int loop) {
         const Box& box = contour.box(i);
         if (!((box.y0 <= p.y) & (p.y <= box.y1) & (p.x <= box.x1))) continue;
         if (!contour[i].alive || seen[static_cast<std::size_t>(i)] == question) continue;
-        seen[static_cast<std::size_t>(i)] = question;  // in a row it may stand once more
+        seen[static_cast<std::size_t>(i)] = question;  // it may be listed again
         const Points<D> points = contour.samples(i);
         for (int k = 0; k < D; ++k) {
             if (passes_right_of(p, points[k], points[k + 1])) winding += points[k + 1].y > points[k].y ? 1 : -1;
@@ -101,8 +101,8 @@ void drop(Contour<D>& contour, int i) {
     ++contour.counts.drops;
 }
 
-// At the end: a component is kept where it bounds the region, that is where the winding number of the larger ones kept
-// is 0 outside an outer component and 1 outside a hole.
+// At the end, components are kept that bound the region: the winding number of the larger kept ones is 0 outside an
+// outer component and 1 outside a hole.
 template <int D>
 void drop_nested(Contour<D>& contour) {
     struct Loop {

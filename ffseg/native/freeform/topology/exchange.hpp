@@ -1,4 +1,4 @@
-// Two patches exchange their halves (Algorithm 3, corrected): the curves they become.
+// Exchange of halves between two patches (Algorithm 3, corrected): the new curves.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -14,7 +14,7 @@ using freeform::kBasis;
 using freeform::Patch;
 using freeform::Points;
 
-// Calls visit(a, b) where side a of the polygon p crosses side b of q, until it returns true; whether it did.
+// Calls visit(a, b) for each side a of the polygon p that crosses side b of q, until one returns true; true if so.
 template <std::size_t N, typename Visit>
 bool visit_crossings(const std::array<Vec2, N>& p, const std::array<Vec2, N>& q, Visit visit) {
     for (std::size_t a = 0; a + 1 < N; ++a) {
@@ -43,7 +43,7 @@ Points<D> joined_at(const Points<D>& p, int a, const Points<D>& q, int b, Vec2 a
 }
 
 // Gamma'_i = [P_0i .. P_ki, P_(k+1)j .. P_dj] and Gamma'_j = [P_0j .. P_kj, P_(k+1)i .. P_di], k = floor(d / 2), as
-// samples. False where these still cross: the crossing lies far from the middle of a patch.
+// samples. False if these still cross, as the crossing lies far from the middle of a patch.
 template <int D>
 bool swap_halves(const Contour<D>& contour, int i, int j, Points<D>& first, Points<D>& second) {
     Points<D> p = contour[i].control, q = contour[j].control;
@@ -56,7 +56,7 @@ bool swap_halves(const Contour<D>& contour, int i, int j, Points<D>& first, Poin
     return true;
 }
 
-// The same polygons joined where they cross, so that neither leaves the space both have covered.
+// The polygons joined at their crossing, so that neither leaves the space that both have covered.
 template <int D>
 bool join_at_crossing(const Points<D>& p, const Points<D>& q, Points<D>& first, Points<D>& second) {
     return visit_crossings(p, q, [&](int a, int b) {
@@ -81,9 +81,8 @@ int turning_inwards(const Contour<D>& contour, int i, int j) {
     return crossings == 1 ? inner : -1;
 }
 
-// Where the exchanged curves of two patches may have their samples: the box of those there are, and so much round it as
-// control polygons of curves that do not oscillate may leave it. Of a patch just folded they leave it many times
-// farther, and each exchange would spread that to the next patch.
+// Bounds for the samples of exchanged curves: the box of the old samples, with a margin for control polygons of curves
+// that do not oscillate. Those of a folded patch leave it many times farther, which each exchange would pass on.
 template <int D>
 Box reachable_box(const Points<D>& p, const Points<D>& q) {
     Box box;
@@ -126,7 +125,7 @@ bool exchange(Contour<D>& contour, int i, int j) {
     if (swap_halves(contour, i, j, first, second) && apply_pair(first, second)) return true;
     contour.link(i, after_i);
     contour.link(j, after_j);
-    // Up to a cubic the curve keeps to the joined samples; one of higher degree may overshoot the corner into an edge.
+    // Up to cubics the curve follows the joined samples; one of higher degree may overshoot the corner into an edge.
     if (join_at_crossing<D>(p, q, first, second) && (apply_pair(first, second) || D <= 3)) return true;
     if (join_at_crossing<D>(a.control, b.control, first, second) && apply_pair(first, second)) return true;
     contour[i].m = kept_i;

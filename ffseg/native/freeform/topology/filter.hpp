@@ -1,4 +1,4 @@
-// The bounding-box filter over the patches (Section 3.4): which pairs are looked at for a flip.
+// The bounding-box filter over the patches (Section 3.4), which finds the pairs to test for a flip.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -16,8 +16,8 @@ constexpr std::size_t kStripHeight = 64;
 // If more patches than this are new, they are sorted among themselves before they are merged with the others.
 constexpr std::size_t kFewNew = 16;
 
-// Patches ordered by the left side of their boxes. The order hardly changes in one iteration, so insertion is cheap;
-// many new ones, which stand at the end, are sorted among themselves and merged.
+// Patches sorted by the left sides of their boxes. The order hardly changes in one iteration, so insertion is cheap;
+// many new ones, at the end, are sorted among themselves and merged.
 template <int D>
 void sort_patches(Contour<D>& contour) {
     using Key = std::pair<double, int>;

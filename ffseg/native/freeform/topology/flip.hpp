@@ -45,8 +45,7 @@ bool polygons_cross(const Contour<D>& contour, int i, int j) {
     return false;
 }
 
-// Algorithm 3, and the successors of i and j change places. Differs from the order printed there, which does not
-// connect.
+// Algorithm 3, with the successors of i and j exchanged. Differs from the printed order, which does not connect.
 template <int D>
 bool flip(Contour<D>& contour, int i, int j, int depth) {
     const bool near_edges = (contour[i].near_edges || contour[j].near_edges) &&
@@ -71,14 +70,13 @@ bool flip(Contour<D>& contour, int i, int j, int depth) {
     return true;
 }
 
-// Where the hull of both may hold an edge they are halved first, so that what the flip cuts off is too short to hold
-// one.
+// Patches whose hull may contain an edge are halved first, so that the part cut off is too short to contain one.
 template <int D>
 bool flip_finer(Contour<D>& contour, int i, int j, int depth) {
     contour.effort.visits += kExchange;
     const int i2 = contour.length(i) > kFlipLength ? contour.split(i) : -1;
     const int j2 = contour.length(j) > kFlipLength ? contour.split(j) : -1;
-    for (const int half : {i, i2, j, j2}) {  // to be compared with all others in the next round
+    for (const int half : {i, i2, j, j2}) {  // to be tested against all others in the next round
         if (half >= 0) contour[half].touched = true;
     }
     for (const int a : {i, i2}) {
@@ -91,8 +89,8 @@ bool flip_finer(Contour<D>& contour, int i, int j, int depth) {
     return false;
 }
 
-// Flips i and j if they cross, or says so when this iteration has had its share; pairs at rest and (in later rounds)
-// pairs not touched by a flip cannot have changed.
+// Flips i and j if they cross; true, too, if the budget of this iteration is spent. Resting pairs and, in later
+// rounds, pairs that no flip has touched cannot have changed.
 template <int D>
 bool try_pair(Contour<D>& contour, int i, int j, bool only_touched) {
     const Patch<D>&a = contour[i], &b = contour[j];
@@ -110,7 +108,7 @@ bool try_pair(Contour<D>& contour, int i, int j, bool only_touched) {
     return done;
 }
 
-// One round of the filter: flips what crosses. True if any did.
+// One round of the filter: flips patches that cross. True if any did.
 template <int D>
 bool flip_round(Contour<D>& contour, bool only_touched) {
     const auto visit = [&](int i, int j) { return try_pair(contour, i, j, only_touched); };
@@ -125,7 +123,7 @@ void flip_crossings(Contour<D>& contour) {
     contour.effort.most = kMaxVisits * (contour.order.size() + kMaxVisits);
     bool crossing = true;
     for (int round = 0; round < kFlipRounds && crossing; ++round) crossing = flip_round(contour, round > 0);
-    if (!crossing && !contour.effort.unresolved) {  // what was left undecided has become a simple curve
+    if (!crossing && !contour.effort.unresolved) {  // undecided components have become simple curves
         for (const auto& [i, j] : contour.undecided) {
             if (contour[i].alive && contour[j].alive) classify(contour, i, j, -1, true);
         }

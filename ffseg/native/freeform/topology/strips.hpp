@@ -10,8 +10,8 @@
 
 namespace ffseg::topology {
 
-// One horizontal strip of the image with the boxes that reach into it, from left to right. Coordinates are in single
-// precision and a little larger, so that what does not meet here does not meet.
+// One horizontal strip of the image with the boxes that intersect it, from left to right, in single precision and
+// slightly enlarged: boxes that do not meet here do not meet.
 class Strip {
 public:
     // Empty, with room for so many boxes.
@@ -71,7 +71,7 @@ private:
                    static_cast<int>(name_[on] != without[1]) & (moving_[on] | all);
         };
         for (std::size_t block = first; left_[block] <= sides.right; block += kBlock) {
-            int some = 0;  // mostly none does: looked at side by side, without branches
+            int some = 0;  // mostly none does: tested together, without branches
             for (std::size_t on = block; on < block + kBlock; ++on) some |= meets(on);
             for (std::size_t on = block; some != 0 && on < block + kBlock; ++on) {
                 if (meets(on) != 0 && visit(name_[on])) return true;
