@@ -1,4 +1,4 @@
-"""``ffseg.segment``: takes what people have at hand, and says in one sentence what is wrong with what it cannot take."""
+"""``ffseg.segment``: accepts common Python inputs, and explains in one sentence what is wrong with others."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Arrays by what they hold; the docstrings give their shapes."""
+"""Types of arrays by their content; the docstrings give their shapes."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,4 +1,4 @@
-"""What a parameter file meant to ffseg 0.1: its keys with the defaults they had, put beside those of now."""
+"""Differences between parameter files of ffseg 0.1 and the current version: old defaults, new keys."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The one table of what is chosen by name: methods, evidence sources, outputs and executors; nothing is loaded for it.
+"""The table of everything chosen by name: methods, evidence sources, outputs and executors; importing none of them.
 
 A name is that of a row here, that of an installed plug-in (an entry point of the group ``ffseg.methods``,
 ``ffseg.evidence``, ``ffseg.outputs`` or ``ffseg.executors``), or ``module:function``: a function of the user's own, with

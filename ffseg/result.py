@@ -1,4 +1,4 @@
-"""The result every segmentation has."""
+"""The result of a segmentation."""
 
 from __future__ import annotations
 

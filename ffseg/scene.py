@@ -1,4 +1,4 @@
-"""The one value a segmentation hands from step to step, and what a method gives back."""
+"""The value that the steps of a segmentation pass on, and the outcome of a method."""
 
 from __future__ import annotations
 

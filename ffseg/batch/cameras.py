@@ -1,4 +1,4 @@
-"""The cameras' own images in folders of frames: one mask for each folder, or one for all images."""
+"""Masks of the cameras' own parts in folders of frames: one for each folder, or one for all images."""
 
 from __future__ import annotations
 

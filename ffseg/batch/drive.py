@@ -1,4 +1,4 @@
-"""The map of a drive and the graph of its ways, from what a run has stored of each frame."""
+"""The map of a drive and its graph of passages, from the stored results of each frame."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The end of a run: the output folder is brought in step with the journal, and the tables are written."""
+"""The end of a run: the output folder is reconciled with the journal, and the tables are written."""
 
 from __future__ import annotations
 

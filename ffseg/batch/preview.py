@@ -1,4 +1,4 @@
-"""What a run would do, found out without doing it: nothing is written, no worker started."""
+"""Dry run: what a run would do, without writing anything or starting a worker."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run over many images: each is whole or absent, done once, and its failure costs nobody else anything."""
+"""A run over many images: each result is whole or absent, made once, and a failure affects no other image."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is remembered of one image, and how it is read back: a record of another shape is unknown, never fatal."""
+"""The record of one image and its serialisation: a record of another shape counts as unknown."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What ``--camera``, ``--poses`` and ``--pairs`` say about a run: plain values that load neither OpenCV nor the core."""
+"""The content of ``--camera``, ``--poses`` and ``--pairs`` as plain values, without OpenCV or the core."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Timed tasks, measured in turns with the fixed kernel K, and what their samples say: medians, ratios, growth."""
+"""Timed tasks, interleaved with the fixed kernel K, and statistics of their samples: medians, ratios, growth."""
 
 from __future__ import annotations
 

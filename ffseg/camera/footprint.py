@@ -1,4 +1,4 @@
-"""The robot on the ground that a camera sees: which cell of the ground plane each pixel shows."""
+"""The robot's footprint on the ground plane: the cell that each pixel shows."""
 
 from __future__ import annotations
 

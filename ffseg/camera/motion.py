@@ -1,4 +1,4 @@
-"""Motion between two images: values, poses to motion, and how points answer its corrections; the robot's frame.
+"""Motion between two images: values, conversion from poses, derivatives of points, and the robot's frame.
 
 The robot's frame on the ground is that of REP-103: x forward, y left, metres, the origin below the camera.
 """

@@ -1,4 +1,4 @@
-"""What is refused before a command does anything: empty folder names, numbers that are none, masks that are not there."""
+"""Checks before a command does anything: empty folder names, invalid numbers, missing masks."""
 
 from __future__ import annotations
 

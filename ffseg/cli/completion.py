@@ -1,4 +1,4 @@
-"""What the shell completes beside options and files: presets, methods, parameter keys, suites, exports."""
+"""Shell completion of presets, methods, parameter keys, suites and exports."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A group of commands whose list shows whole summaries, that knows the nearest name of a mistyped one, and no empty value."""
+"""A command group that lists whole summaries, suggests the nearest name for a mistyped one, and refuses empty values."""
 
 from __future__ import annotations
 

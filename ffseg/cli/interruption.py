@@ -1,4 +1,4 @@
-"""Signals as something a run can end for, with its tables written and its workers gone."""
+"""Signals end a run in order: its tables are written, and its workers ended."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a run tells while it works and at its end."""
+"""Messages of a run while it works and at its end."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Standard streams that may fail: what cannot be printed is lost, and nothing else is."""
+"""Standard streams that may fail: only what cannot be printed is lost."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What comparisons have made in a folder, and what an interrupted one has found, kept until it is finished."""
+"""Outputs of earlier comparisons in a folder, and the rows of an interrupted one, kept until it is finished."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What all methods of a comparison are given alike: one edge map, and starts that none of them has to move."""
+"""Inputs shared by all methods of a comparison: one edge map, and starts that none of them has to move."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is compared, and what is found."""
+"""Inputs and rows of a comparison."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Contours as one array of points and the offsets of each, which is how the native core takes and returns them."""
+"""Contours as one array of points with offsets, the form that the native core takes and returns."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Components put together: every outer contour with the holes that lie in it."""
+"""Regions: every outer contour with the holes inside it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Winding numbers of points with respect to the curves themselves, not to polygons in their place."""
+"""Winding numbers of points with respect to the curves themselves, not to polygons."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether a film was cut: the outermost parts of its container, by the lengths that they state, go beyond its end.
+"""Detection of cut films: by their stated lengths, the outermost parts of the container exceed the file.
 
 References
 ----------

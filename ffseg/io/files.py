@@ -1,4 +1,4 @@
-"""Files whole or absent: guarded reading, atomic writing, names made fit to be shown."""
+"""Files whole or absent: guarded reading, atomic writing, printable names."""
 
 from __future__ import annotations
 

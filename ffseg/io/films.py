@@ -1,4 +1,4 @@
-"""Frames of films (PyAV) and of animated or paged pictures (Pillow), read one after another, never all at once.
+"""Frames of films (PyAV) and of animated or multi-page images (Pillow), read one at a time.
 
 Policies
 --------

@@ -1,4 +1,4 @@
-"""Guarded reading of images: a header gate before the decoder, and one closed list of reasons for a refusal.
+"""Guarded reading of images: header checks before the decoder, and a closed list of reasons for refusal.
 
 Policies
 --------

@@ -1,4 +1,4 @@
-"""Regions that were drawn elsewhere: annotation files of LabelMe, COCO and VIA, read as masks."""
+"""Regions drawn in other programs: annotation files of LabelMe, COCO and VIA, read as masks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Masks as 8-bit one-channel PNG files, masks read back as truth or domain, and those that come with images."""
+"""Masks as 8-bit one-channel PNG files; masks read as truth or domain, and those that come with images."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Panels: what several methods made of one image, side by side under their names."""
+"""Panels: results of several methods on one image, side by side with their names."""
 
 from __future__ import annotations
 

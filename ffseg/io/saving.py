@@ -1,4 +1,4 @@
-"""What a result can be saved as, told by the suffix of a file name, and what it says and shows of itself."""
+"""Formats that a result can be saved in, chosen by file suffix, and its representation in a notebook."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Snapshots of an evolution, as the writers of films take them."""
+"""Snapshots of an evolution, scaled for film writers."""
 
 from __future__ import annotations
 

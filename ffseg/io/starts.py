@@ -1,4 +1,4 @@
-"""Starts files: CSV that says where the contour of each image starts, and what else was picked in it."""
+"""Starts files: CSV with the starts of each image and whatever else was picked in it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""CSV tables whose cells cannot be taken for formulas."""
+"""CSV tables whose cells spreadsheets do not take for formulas."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What runs behind what is picked and never in its way: ``ffseg learn`` and ``ffseg run``, as processes of their own."""
+"""Background work of `ffseg pick`: ``ffseg learn`` and ``ffseg run`` as processes of their own, at low priority."""
 
 from __future__ import annotations
 

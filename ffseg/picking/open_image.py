@@ -1,4 +1,4 @@
-"""One image that is being picked in: its reduced copies, its picture for the browser, and the region of what was picked."""
+"""One opened image: its reduced copies, its picture for the browser, and the region of its picks."""
 
 from __future__ import annotations
 

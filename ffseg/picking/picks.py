@@ -1,4 +1,4 @@
-"""What is picked in an image, and the journal that keeps every step of it."""
+"""The picks of an image, and the journal of every step."""
 
 from __future__ import annotations
 

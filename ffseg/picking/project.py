@@ -1,4 +1,4 @@
-"""What is picked of one class: its journal, and the files that follow from it."""
+"""The picks of one class: its journal, and the files derived from it."""
 
 from __future__ import annotations
 

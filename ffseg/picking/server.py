@@ -1,4 +1,4 @@
-"""The page's server: on this machine only, for those only who know its address."""
+"""The web server of the page: local only, and only for those who know its address."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All that is picked in a folder: images, classes, what runs in the background, and what the page may ask and change."""
+"""A picking session: images, classes, background work, and the requests of the page."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What stands and lies in a rendered scene, and scenes drawn at random."""
+"""Contents of a rendered scene, and random scenes."""
 
 from __future__ import annotations
 

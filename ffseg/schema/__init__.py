@@ -1,1 +1,1 @@
-"""Declared values: what a key may hold, where it was written, and what is wrong with it."""
+"""Declared values: their kinds, their origins, and problems with them."""

@@ -1,4 +1,4 @@
-"""Kinds of values: what a key may hold, how it is checked, and how that is said to people and to editors."""
+"""Kinds of values: what a key may hold, how it is checked, and its description for people and editors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Values that remember where they were written, and the list of what is wrong with them."""
+"""Values that remember where they were written, and a list of problems with them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A strict reader of small CSV files with a fixed header, which says what is wrong by line."""
+"""A strict reader of small CSV files with a fixed header, with errors by line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Text of small files, and what keeps it from being read: for readers that say so by file and line."""
+"""Bounded reading of small text files, with errors by file and line."""
 
 from __future__ import annotations
 

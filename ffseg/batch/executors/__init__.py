@@ -1,1 +1,1 @@
-"""Who works on images: each takes tasks and gives replies, and does nothing else."""
+"""Executors: they take tasks and return replies, and do nothing else."""

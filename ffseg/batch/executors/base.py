@@ -1,4 +1,4 @@
-"""What a run asks of whoever works on its images."""
+"""The interface of executors."""
 
 from __future__ import annotations
 

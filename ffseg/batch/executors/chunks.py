@@ -1,4 +1,4 @@
-"""What is left of a chunk of images while a machine works on it: a line for each image that is done.
+"""Progress files of chunks, which survive the machine that works on them: a line for each finished image.
 
 A machine that dies costs the images of its chunk that have no line; a run that dies finds the lines when it is resumed.
 """

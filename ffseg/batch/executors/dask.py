@@ -1,4 +1,4 @@
-"""Workers of a Dask cluster: chunks of images, which they read and write on storage that all machines share."""
+"""Executor on a Dask cluster: chunks of images, read and written on storage that all machines share."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Worker processes that a machine of a cluster keeps between chunks: starting one takes as long as forty images."""
+"""Worker processes kept alive between the chunks of a cluster machine: starting one takes as long as forty images."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Worker processes under watch: one that crashes or hangs costs the image it had, named, and is replaced."""
+"""Supervised worker processes: one that crashes or hangs costs its current image, and is replaced."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Which files a run writes of each image, and how: one row for each kind of output."""
+"""Kinds of output files of an image: one row for each, and how it is encoded."""

@@ -1,4 +1,4 @@
-"""``timings.csv`` once more as a Parquet file, written in pieces so that its length costs no memory."""
+"""``timings.csv`` as a Parquet file, written in pieces, in bounded memory."""
 
 from __future__ import annotations
 

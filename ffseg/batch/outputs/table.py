@@ -1,4 +1,4 @@
-"""Which files a run writes for each image: one row for each kind, by name, that loads nothing until it is written."""
+"""The table of output kinds: one row for each, by name, importing nothing until it is written."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Which images are done with what: discovering, reading lists, one job for each image."""
+"""The plan of a run: inputs are discovered, lists read, and one job made for each image."""

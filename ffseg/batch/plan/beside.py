@@ -1,4 +1,4 @@
-"""Files that belong to images by their names, in another folder or tar file: true masks, maps of evidence, domains."""
+"""Files matched to images by their names, from another folder or tar file: true masks, evidence maps, domains."""
 
 from __future__ import annotations
 

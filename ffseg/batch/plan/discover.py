@@ -1,4 +1,4 @@
-"""Inputs of a run: files, folders walked in natural order, patterns and lists, as one list without doubles."""
+"""Inputs of a run: files, folders in natural order, patterns and lists, as one list without duplicates."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The plan of a run: one job for each image, and everything refused before the first one starts."""
+"""The plan of a run: one job for each image, after all checks that can be made before the first one starts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reading an input wherever it is: a file, a member of a tar file, a frame of a film or a bag, or a URL."""
+"""Reading an input from a file, a member of a tar file, a frame of a film or bag, or a URL."""
 
 from __future__ import annotations
 

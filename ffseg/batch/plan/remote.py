@@ -1,4 +1,4 @@
-"""Images behind a URL, read with the limits of files: HTTP by Python itself, stores through fsspec."""
+"""Images behind URLs, read with the limits of files: HTTP with Python's own client, stores through fsspec."""
 
 from __future__ import annotations
 

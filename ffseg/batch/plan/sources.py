@@ -1,4 +1,4 @@
-"""One input image and the job it becomes, the suffixes images have, and the order of their names."""
+"""One input image and its job, the suffixes of images, and the order of their names."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What a run remembers of an output folder, and the tables written from it."""
+"""The record of an output folder, and the tables written from it."""

@@ -1,4 +1,4 @@
-"""Files in the way of a run that no run has made: they are somebody's, and are not replaced."""
+"""Files that no run has made are not replaced."""
 
 from __future__ import annotations
 

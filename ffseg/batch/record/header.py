@@ -1,4 +1,4 @@
-"""What all images of a run have in common, and the refusal of another set of parameters."""
+"""The header of a journal: what all images of a run share; runs with other parameters are refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a run remembers: one line for each finished image, written as soon as its outputs are in place."""
+"""The journal: one line for each finished image, written as soon as its outputs are in place."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Outputs on the disk and records in the journal, kept in step: what is written is remembered, what is replaced is removed."""
+"""Keeps outputs and journal in step: what is written is recorded, and what is replaced is removed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What has become of a run so far: what its parts share, and what its caller hears."""
+"""The state of a run so far, shared by its parts and reported to its caller."""
 
 from __future__ import annotations
 

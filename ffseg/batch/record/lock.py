@@ -1,4 +1,4 @@
-"""One run at a time in an output folder: a lock that dies with the process that holds it."""
+"""One run at a time in an output folder: a lock that is released with the process that holds it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tar files in the order of the tables, one for each kind of output: the same bytes however the work was shared out.
+"""Tar files in the order of the tables, one for each kind of output, with the same bytes for any division of the work.
 
 They are made at the end of a packed run, and of a merge; what a merge has moved its shards find again.
 """

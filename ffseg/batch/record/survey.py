@@ -1,4 +1,4 @@
-"""Which records still say what is in the output folder, and in which order they stand in the tables."""
+"""Which records are still true of the output folder, and their order in the tables."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tables of an output folder, written from the records that stand."""
+"""The tables of an output folder, written from its valid records."""
 
 from __future__ import annotations
 

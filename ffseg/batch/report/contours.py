@@ -1,4 +1,4 @@
-"""Contours read back from the SVG files of a run, and packed for a page that draws them live."""
+"""Contours read back from the SVG files of a run, and packed for drawing in the report page."""
 
 from __future__ import annotations
 

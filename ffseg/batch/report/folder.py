@@ -1,4 +1,4 @@
-"""What an output folder holds, read for its report; whatever stands in it costs no more than it is worth.
+"""Contents of an output folder, read for its report with limits on every size.
 
 Folders come from elsewhere too: nothing here walks a folder, and lengths, counts and depths are bounded.
 """

@@ -1,4 +1,4 @@
-"""Small pictures for a contact sheet, as text that stands in the page itself."""
+"""Thumbnails as text, embedded in the report page."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""A run in parts on many machines, and the parts put together."""
+"""Runs divided among machines, and their merge."""

@@ -1,4 +1,4 @@
-"""Which images belong to which shard: told by the digest of their names, so that added files move no other."""
+"""Assignment of images to shards by digests of their names, so that added files move no other."""
 
 from __future__ import annotations
 

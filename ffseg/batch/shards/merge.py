@@ -1,4 +1,4 @@
-"""The tables of one run out of the journals of its shards, whatever their number, in memory that does not grow."""
+"""The tables of one run from the journals of its shards, in bounded memory."""
 
 from __future__ import annotations
 

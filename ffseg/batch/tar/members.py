@@ -1,4 +1,4 @@
-"""Where an output lies: a file of its own, or a member of a tar file below the output folder."""
+"""The place of an output: a file of its own, or a member of a tar file below the output folder."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Outputs written as files, or into a tar file that grows by whole images: what failed to be appended is not seen."""
+"""Outputs written as files, or appended to a tar file by whole images; failed appends leave no trace."""
 
 from __future__ import annotations
 

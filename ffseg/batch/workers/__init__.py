@@ -1,1 +1,1 @@
-"""Processes that work on images: what they are told, what they do, and who watches them."""
+"""Worker processes: their messages, their work and their supervision."""

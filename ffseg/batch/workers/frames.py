@@ -1,4 +1,4 @@
-"""Free space on pairs inside a worker: the frame of one image, and what is written from it."""
+"""Free space from pairs inside a worker: the frame of one image, and its outputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an image's result depends on, and whether an earlier one is still right; loads neither NumPy nor OpenCV."""
+"""What a result depends on, and whether an earlier one is still valid; imports neither NumPy nor OpenCV."""
 
 from __future__ import annotations
 

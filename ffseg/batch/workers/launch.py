@@ -1,4 +1,4 @@
-"""Start of a worker process; this module loads little, so that the process can start before anything else is loaded."""
+"""Start of a worker process; imports little, so that the process can start before anything else is imported."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the run and its workers tell each other: plain values that need neither OpenCV nor the core to be loaded."""
+"""Messages between a run and its workers: plain values without OpenCV or the core."""
 
 from __future__ import annotations
 

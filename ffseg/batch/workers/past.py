@@ -1,4 +1,4 @@
-"""The frame before, for films whose frames are done in order: what it looked like, and its region."""
+"""The previous frame of a film that is processed in order: its image and its region."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pictures of inputs decoded: images, maps of evidence, true masks; what is doubtful is refused."""
+"""Decoded inputs: images, evidence maps, true masks; doubtful ones are refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The process that works on images: reads tasks from one pipe, writes replies to another, touches no output."""
+"""The worker process: reads tasks from one pipe, writes replies to another, and touches no output."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One image to its outputs as bytes: a pure function of the file, the parameters and the version."""
+"""From one image to its outputs as bytes: a pure function of the file, the parameters and the version."""
 
 from __future__ import annotations
 

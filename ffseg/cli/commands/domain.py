@@ -1,4 +1,4 @@
-"""``ffseg domain``: a camera's own image, found in what it took, as a mask for ``domain.mask`` or ``domain.masks``."""
+"""``ffseg domain``: the camera's own parts, found in its images, as a mask for ``domain.mask`` or ``domain.masks``."""
 
 from __future__ import annotations
 

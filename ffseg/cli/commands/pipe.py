@@ -1,4 +1,4 @@
-"""``ffseg run - --out -``: frames from stdin, what is found of each to stdout, one after another."""
+"""``ffseg run - --out -``: frames from stdin, results to stdout, one at a time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What both commands say while they work."""
+"""Messages shared by `ffseg learn` and `ffseg tune`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``ffseg tune``: the settings that suit a few masks best, if any suit them better than those at hand."""
+"""``ffseg tune``: the settings that suit a few masks best, if any are better than the current ones."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What must hold of an image file before it is decoded, and what a decoder would silently get wrong."""
+"""Checks of image files before they are decoded, for what decoders would silently get wrong."""

@@ -1,4 +1,4 @@
-"""What the gate says of a file: its header as a value, which way up it is by its EXIF block, and the errors of a refusal."""
+"""Results of the header checks: the header as a value, the EXIF orientation, and the errors of a refusal."""
 
 from __future__ import annotations
 

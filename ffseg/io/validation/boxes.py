@@ -1,4 +1,4 @@
-"""The gate for the formats made of boxes, JPEG 2000, AVIF and HEIC."""
+"""Header checks of formats made of boxes: JPEG 2000, AVIF and HEIC."""
 
 from __future__ import annotations
 

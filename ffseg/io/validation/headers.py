@@ -1,4 +1,4 @@
-"""The gate before a decoder: what a file is, its size in pixels, and whether its data can be there at all.
+"""Header checks before a decoder: format, size in pixels, and whether the data can hold that many.
 
 Nothing is decoded here; every function walks lengths that it has checked against the end of the data. PNG and GIF are
 looked at here, the other formats in the modules beside.

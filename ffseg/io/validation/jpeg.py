@@ -1,4 +1,4 @@
-"""The gate for JPEG: frame header, number of scans, and runs of zeros where pixels should be."""
+"""Header checks of JPEG: frame header, number of scans, and runs of zeros in place of pixels."""
 
 from __future__ import annotations
 

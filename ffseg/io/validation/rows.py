@@ -1,4 +1,4 @@
-"""The gate for rows stored as they are, BMP and PNM: nothing but their length can be checked, and where zeros begin."""
+"""Header checks of rows stored without compression, BMP and PNM: their length, and where zeros begin."""
 
 from __future__ import annotations
 

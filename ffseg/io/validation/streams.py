@@ -1,4 +1,4 @@
-"""What the code streams inside AVIF and JP2 files say of themselves: AV1's frame size, the packets of JPEG 2000."""
+"""Headers of the code streams inside AVIF and JP2 files: AV1's frame size, the packets of JPEG 2000."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether the packed strips or tiles of a TIFF file are whole: what they unpack to, before a decoder is asked.
+"""Whether the packed strips or tiles of a TIFF file unpack completely, tested before it is decoded.
 
 Decoders of TIFF fill what they cannot unpack with black and say nothing.
 """

@@ -1,4 +1,4 @@
-"""The gate for TIFF, a format whose variants OpenCV partly reads wrong: only those it reads right pass."""
+"""Header checks of TIFF, of which OpenCV reads some variants wrong: only those that it reads right pass."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The gate for WebP: the walk over its chunks."""
+"""Header checks of WebP: its chunks."""
 
 from __future__ import annotations
 

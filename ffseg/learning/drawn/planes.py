@@ -1,4 +1,4 @@
-"""What lies in a plane, seen through a microscope, from above, or cut open: tissue, fields, organs, nuclei, colonies, drops."""
+"""Drawings of planes seen through a microscope, from above, or cut open: tissue, fields, organs, nuclei, colonies, drops."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rays through boxes over a ground plane: what they meet, and the light there."""
+"""Rays through boxes over a ground plane: hits, and the light there."""
 
 from __future__ import annotations
 
