@@ -165,7 +165,7 @@ class Ground:
         ranges = _first_exits([ring for rings in self.polygons for ring in rings], count)
         points = ranges[:, None] * np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
         pixels = to_pixels(self.camera, points)
-        at_rim = read_at(deeper(self.seen, RIM_PX), *pixels.T.astype(np.float32), nearest=True) == 0
+        at_rim = read_at(deeper(self.seen, RIM_PX).view(np.uint8), *pixels.T.astype(np.float32), nearest=True) == 0
         ends = np.where(np.isnan(ranges), "unknown", np.where(at_rim, "rim", "obstacle"))
         all_ends: tuple[End, ...] = tuple(ends.tolist())
         height = self.camera.mounting()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import ceil
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -40,12 +42,12 @@ def clear_distances(free: Mask) -> Plane:
     return distances(np.pad(free, 1))[1:-1, 1:-1]
 
 
-def deeper(free: Mask, least: float) -> Image:
-    """1 where a pixel lies farther than this from the nearest pixel that is not free, as `clear_distances` measures it."""
-    side = int(least)
-    near = np.hypot(*np.mgrid[-side : side + 1, -side : side + 1]) <= least
+def deeper(free: Mask, least: float) -> Mask:
+    """Pixels at least this far from the nearest pixel that is not free, as `clear_distances` measures it, if that is not far."""
+    side = ceil(least) - 1
+    near = np.hypot(*np.mgrid[-side : side + 1, -side : side + 1]) < least
     padded = cv2.erode(np.pad(free, side).view(np.uint8), near.view(np.uint8))
-    return np.ascontiguousarray(padded[side:-side, side:-side])
+    return np.asarray(padded[side:-side, side:-side] > 0)
 
 
 def without_slivers(domain: Mask, view: Mask, free: Mask) -> Mask:

@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from ffseg.arrays import Plane
+from ffseg.image.free import clear_distances
 from ffseg.image.parts import connected_parts
 from ffseg.image.raster import window_of
 from ffseg.scene import Scene
 from ffseg.starts.initial import circle_start
-from ffseg.starts.pockets import depths, discs
+from ffseg.starts.pockets import discs
 
 MIN_PART_FRACTION = 0.1
 """Components of the region in a box that are smaller than this fraction of the largest get no start."""
@@ -37,9 +38,9 @@ def in_boxes(scene: Scene, odds: Plane | None) -> Scene:
     circles = []
     for box in scene.boxes:
         rows, columns = window = window_of(box, scene.shape)
-        region = inside[window].astype(np.uint8)
+        region = inside[window]
         components = connected_parts(region)
         large = np.flatnonzero(components.areas >= max(MIN_PART_FRACTION * components.areas.max(), 1))
-        found = discs(depths(region), components, large, np.inf)
+        found = discs(clear_distances(region), components, large, np.inf)
         circles += [(x + columns.start, y + rows.start, radius) for x, y, radius in (found[:1] if alone else found)]
     return replace(scene, starts=(*named, *(circle_start(one, params) for one in circles))) if circles else scene

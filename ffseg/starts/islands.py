@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ffseg.arrays import Mask, Plane
+from ffseg.image.free import clear_distances
 from ffseg.image.parts import connected_parts
-from ffseg.starts.pockets import Circle, depths, discs
+from ffseg.starts.pockets import Circle, discs
 
 SURE_RATIO = 0.4
 """A component gets a start if its median log odds are at least this fraction of those round the given start."""
@@ -51,5 +52,5 @@ def islands(odds: Plane, starts: Mask, most: float) -> tuple[Circle, ...]:
     sure = large[[float(np.median(levels[components.labels == part])) >= least for part in large]]
     if not len(sure):
         return ()
-    small = discs(depths((levels > 0).astype(np.uint8)), components, sure, most / STRIDE)
+    small = discs(clear_distances(levels > 0), components, sure, most / STRIDE)
     return tuple((STRIDE * x, STRIDE * y, STRIDE * radius) for x, y, radius in small)

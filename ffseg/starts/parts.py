@@ -8,6 +8,7 @@ import numpy as np
 
 from ffseg.arrays import Mask
 from ffseg.geometry.freeform import FreeForm
+from ffseg.image.free import clear_distances
 from ffseg.image.parts import connected_parts
 from ffseg.image.raster import rasterize
 from ffseg.scene import Scene
@@ -19,13 +20,13 @@ def starts_in_parts(scene: Scene) -> Scene:
     stays, params = scene.edges.kept, scene.params
     if stays is None or _one_contour(scene):
         return scene
-    from ffseg.starts.pockets import MIN_PIXELS, depths, discs
+    from ffseg.starts.pockets import MIN_PIXELS, discs
 
     if scene.domain is not None:
         stays = stays & (scene.domain > 0)
     components = connected_parts(stays)
     large = np.setdiff1d(np.flatnonzero(components.areas >= MIN_PIXELS), components.touching(scene.start_region()))
-    found = discs(depths(stays.view(np.uint8)), components, large, params.init.radius_in(scene.shape))
+    found = discs(clear_distances(stays), components, large, params.init.radius_in(scene.shape))
     return replace(scene, starts=(*scene.starts, *(circle_start(circle, params) for circle in found)))
 
 
@@ -37,10 +38,10 @@ def start_core(scene: Scene) -> Mask:
     region = scene.start_region()
     if scene.params.contour.balloon >= 0 or not region.any():
         return region
-    from ffseg.starts.pockets import depths, discs
+    from ffseg.starts.pockets import discs
 
     components = connected_parts(region)
-    circles = discs(depths(region.view(np.uint8)), components, np.flatnonzero(components.areas), np.inf)
+    circles = discs(clear_distances(region), components, np.flatnonzero(components.areas), np.inf)
     return rasterize([circle_start(circle, scene.params) for circle in circles], scene.shape)
 
 

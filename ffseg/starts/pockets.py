@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from math import ceil
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.arrays import Image, Mask, Plane
+from ffseg.arrays import Mask, Plane
+from ffseg.image.free import deeper, distances
 from ffseg.image.parts import Parts, connected_parts, parts_holding
 
 NARROW_WIDTH = 4.0
@@ -14,6 +17,10 @@ NARROW_WIDTH = 4.0
 
 MIN_PIXELS = 30
 """Pixels: smaller components get no start."""
+
+REACH = ceil(NARROW_WIDTH) + 3
+"""Pixels beside a component within which lies the end of the region that is nearest to any of its pixels: on the way there the
+component ends where that end is `NARROW_WIDTH` away, but for the steps of pixels."""
 
 START_RADIUS_FRACTION = 0.6
 """Radius of the start in a component, as a fraction of its largest inscribed disc."""
@@ -37,26 +44,17 @@ def starts_beyond(free: Mask, starts: Mask, most: float) -> tuple[Circle, ...]:
     tuple of (x, y, radius)
         The deepest first.
     """
-    region = parts_holding(free, starts).view(np.uint8)
-    left, top, width, height = cv2.boundingRect(region)
-    window = np.s_[top : top + height, left : left + width]
-    if not width:
-        return ()
-    depth = depths(region[window])
-    deep = depth >= NARROW_WIDTH
-    beyond = deep & ~parts_holding(deep, starts[window], corners=True)
+    region = parts_holding(free, starts)
+    deep = deeper(region, NARROW_WIDTH)
+    beyond = deep & ~parts_holding(deep, starts, corners=True)
     if np.count_nonzero(beyond) < MIN_PIXELS:
         return ()
-    components = connected_parts(beyond, corners=True)
+    left, top, width, height = cv2.boundingRect(beyond.view(np.uint8))
+    window = np.s_[top : top + height + 2 * REACH, left : left + width + 2 * REACH]
+    components = connected_parts(np.pad(beyond, REACH)[window], corners=True)
+    depth = distances(np.pad(region, REACH)[window])
     found = discs(depth, components, np.flatnonzero(components.areas >= MIN_PIXELS), most)
-    return tuple((left + x, top + y, radius) for x, y, radius in found)
-
-
-def depths(region: Image) -> Plane:
-    """Distance of each pixel to the outside of the region, which begins at the border of the image."""
-    padded = cv2.copyMakeBorder(region, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
-    depth: Plane = cv2.distanceTransform(padded, cv2.DIST_L2, 3)[1:-1, 1:-1]  # type: ignore[assignment]
-    return depth
+    return tuple((left + x - REACH, top + y - REACH, radius) for x, y, radius in found)
 
 
 def discs(depth: Plane, components: Parts, chosen: NDArray[np.integer], most: float) -> tuple[Circle, ...]:
