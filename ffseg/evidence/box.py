@@ -28,7 +28,7 @@ from ffseg.evidence.features import (
 )
 from ffseg.evidence.forest import shipped
 from ffseg.evidence.gradient import gradient
-from ffseg.evidence.maps import blurred, odds_edges
+from ffseg.evidence.maps import blurred, logarithm, odds_edges
 from ffseg.evidence.prior import MAX_LOG_ODDS, PIXEL_FEATURES, SMOOTHING
 from ffseg.evidence.surroundings import (
     COLOURS,
@@ -240,7 +240,7 @@ def _from_core(seen: Features, core: Image, others_way: Plane, out: Plane) -> No
     length, place = out[len(BARRIER_FEATURES)], len(BARRIER_FEATURES) + 1
     _core.evidence_barrier(planes[0], core, GRADIENT_STEP, out[: len(BARRIER_FEATURES)])
     geodesic(planes[0], core, length)
-    out[place] = np.log((length + 1) / (others_way + 1))
+    out[place] = logarithm((length + 1) / (others_way + 1))
     alike, other = np.empty((2, *core.shape), np.float32)
     _core.evidence_likelihood(planes[1:], core, alike)
     _core.evidence_likelihood(planes[1:], strided(seen.inside), other)

@@ -19,7 +19,7 @@ from ffseg.arrays import Image, Mask, Plane
 from ffseg.evidence import prior
 from ffseg.evidence.features import BARRIER_FEATURES, Features, broadened, geodesic, reduced_region
 from ffseg.evidence.forest import shipped
-from ffseg.evidence.maps import blurred
+from ffseg.evidence.maps import blurred, logarithm
 from ffseg.evidence.prior import MAX_LOG_ODDS, MIN_START_RADIUS, SMOOTHING
 from ffseg.evidence.surroundings import (
     STRIDE,
@@ -254,15 +254,15 @@ def _both_sides(
     return [
         *barrier,
         length,
-        np.log((own_way + 1) / (length + 1)),
-        np.log((own_barrier + 1) / (barrier[0] + 1)),
+        logarithm((own_way + 1) / (length + 1)),
+        logarithm((own_barrier + 1) / (barrier[0] + 1)),
         blurred(other, 1.0 / STRIDE),
         blurred(alike - other, 1.0 / STRIDE),
         blurred(alike - other, 3.0 / STRIDE),
         blurred(likelihood_ratio(colours, guess), 1.0 / STRIDE),
         near,
         far,
-        np.log((near + DISTANCE_OFFSET) / (far + DISTANCE_OFFSET)),
+        logarithm((near + DISTANCE_OFFSET) / (far + DISTANCE_OFFSET)),
     ]
 
 
@@ -283,8 +283,8 @@ def _last_click(
         blurred(likeness(colours, disc), 1.0 / STRIDE),
         distances(~click.disc) / np.float32(max(click.depth, 1.0)),
         click.depth / np.sqrt(disc.size),
-        np.log((length + 1) / (inside_way + 1)),
-        np.log((length + 1) / (outside_way + 1)),
+        logarithm((length + 1) / (inside_way + 1)),
+        logarithm((length + 1) / (outside_way + 1)),
     ]
 
 

@@ -101,8 +101,7 @@ def evidence_edges(
 def certain_odds(probability: Plane) -> Plane:
     """Log odds of probabilities, limited to `MAX_PROBABILITY`."""
     certain = np.clip(probability, 1 - MAX_PROBABILITY, MAX_PROBABILITY)
-    odds: Plane = np.log(certain / (1 - certain))
-    return odds
+    return logarithm(certain / (1 - certain))
 
 
 def odds_edges(odds: Plane, probability: float, image_edges: EdgeMap, source: str) -> EdgeMap:
@@ -140,6 +139,13 @@ def strength_edges(strength: Plane, image_edges: EdgeMap) -> EdgeMap:
 
 def _crosses(values: Plane, level: float) -> bool:
     return bool(values.min() < level <= values.max())
+
+
+def logarithm(values: Plane) -> Plane:
+    """Natural logarithm of positive values, with the same bits on every processor, unlike NumPy's."""
+    found = np.empty(values.shape, np.float32)
+    _core.evidence_logarithm(np.ascontiguousarray(values, np.float32), found)
+    return found
 
 
 def blurred(plane: Plane, sigma: float) -> Plane:

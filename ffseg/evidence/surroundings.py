@@ -19,7 +19,7 @@ from ffseg.evidence.features import (
     reduced_region,
     reduced_shape,
 )
-from ffseg.evidence.maps import blurred, dilated
+from ffseg.evidence.maps import blurred, dilated, logarithm
 from ffseg.native import _core
 
 STRIDE = 2
@@ -133,8 +133,8 @@ def _ways(slopes: dict[str, Plane], start: Image) -> list[Plane]:
     length = np.empty_like(slope)
     geodesic(slope, start, length)
     own, frame = planes[0], barriers(slope, _frame(slope.shape, 1))[:2]
-    usual = np.log(np.median(frame[0][start > 0]) + 1)
-    planes += [length, frame[1], np.log((own + 1) / (frame[0] + 1)), np.full_like(slope, usual)]
+    usual = logarithm(np.full_like(slope, np.median(frame[0][start > 0]) + 1))
+    planes += [length, frame[1], logarithm((own + 1) / (frame[0] + 1)), usual]
     for passage in PASSAGE_WIDTHS:
         planes += list(barriers(dilated(slope, passage), start)[1:])
     return planes
@@ -154,8 +154,8 @@ def _compared(slopes: dict[str, Plane], crossed: dict[str, Plane], inside: Mask)
     y, x = np.arange(inside.shape[0])[:, None] - rows.mean(), np.arange(inside.shape[1]) - columns.mean()
     near = y * y + x * x <= NEAR_RADII**2 * np.count_nonzero(inside) / np.pi
     usual = {name: np.median(slopes[name][near]) + GRADIENT_FLOOR for name in FINE_SCALES}
-    planes = [np.log((crossed[name] * GRADIENT_STEP + GRADIENT_FLOOR) / usual[name]) for name in FINE_SCALES]
-    return [*planes, np.full_like(planes[0], np.log(np.median(slopes["1.5"][inside]) + GRADIENT_FLOOR))]
+    planes = [logarithm((crossed[name] * GRADIENT_STEP + GRADIENT_FLOOR) / usual[name]) for name in FINE_SCALES]
+    return [*planes, logarithm(np.full_like(planes[0], np.median(slopes["1.5"][inside]) + GRADIENT_FLOOR))]
 
 
 def steepest(slope: Plane) -> Plane:

@@ -46,8 +46,9 @@ def deeper(free: Mask, least: float) -> Mask:
     """Pixels at least this far from the nearest pixel that is not free, as `clear_distances` measures it, if that is not far."""
     side = ceil(least) - 1
     near = np.hypot(*np.mgrid[-side : side + 1, -side : side + 1]) < least
+    rows, columns = free.shape
     padded = cv2.erode(np.pad(free, side).view(np.uint8), near.view(np.uint8))
-    return np.asarray(padded[side:-side, side:-side] > 0)
+    return np.asarray(padded[side : side + rows, side : side + columns] > 0)
 
 
 def without_slivers(domain: Mask, view: Mask, free: Mask) -> Mask:

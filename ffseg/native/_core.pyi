@@ -55,6 +55,9 @@ def evidence_enlarge(plane: Annotated[NDArray[numpy.float32], dict(shape=(None, 
     A plane whose values are `stride` blocks of `factor` pixels apart at each pixel, linear between them.
     """
 
+def evidence_logarithm(values: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu')]) -> None:
+    """Natural logarithms of positive values, the same on every processor."""
+
 def evidence_blur(plane: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], sigma: float, out: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu')]) -> None:
     """Gaussian smoothing; outside, the border repeats."""
 

@@ -57,7 +57,7 @@ RULES = (
         }.items()
     ),
     Rule("parts beyond narrow places", "starts/pockets.py", {"MIN_PIXELS": inf}, _ISLANDS),
-    Rule("what is narrow", "starts/pockets.py", {"NARROW_WIDTH": 0.0}, _ISLANDS),
+    Rule("what is narrow", "starts/pockets.py", {"NARROW_WIDTH": 1.0}, _ISLANDS),
     Rule("islands", "starts/islands.py", {"MIN_LOG_ODDS": inf}, _ISLANDS),
     Rule("islands as sure as the start's", "starts/islands.py", {"SURE_RATIO": 0.0}, _ISLANDS),
     Rule("islands that are sure", "starts/islands.py", {"MIN_LOG_ODDS": -inf}, _ISLANDS),

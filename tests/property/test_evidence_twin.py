@@ -61,6 +61,13 @@ def test_lab_of_known_colours() -> None:
     np.testing.assert_allclose(lab[:, 0].T, [[100, 0, 0], [0, 0, 0], [53.24, 80.09, 67.20]], atol=0.05)
 
 
+@given(hnp.arrays(np.float32, (1, 40), elements=st.floats(np.float32(1e-30), np.float32(1e30), width=32)))
+def test_logarithms_are_those_of_the_c_library(values: np.ndarray) -> None:
+    twin = np.log(values.astype(np.float64))
+    # half a unit in the last place of the larger part, and what the series leaves out
+    np.testing.assert_allclose(made(values.shape, _core.evidence_logarithm, values), twin, rtol=1.2e-7, atol=1.2e-7)
+
+
 @given(hilly())
 @settings(max_examples=60)
 def test_thinned_planes_and_their_largest(drawn: tuple[np.ndarray, np.ndarray]) -> None:

@@ -328,9 +328,9 @@ def test_a_start_that_is_moved_into_the_region_leaves_nothing_outside_it() -> No
 
 
 @pytest.mark.parametrize("source", ["auto", "prior"])
-@pytest.mark.parametrize("how", [{"init.boxes": [[30, 20, 211, 161]]}, {"init.radius": 85}, {"init.mask": "mask.png"}])
+@pytest.mark.parametrize("how", [{"init.boxes": [[30, 20, 211, 161]]}, {"init.radius": 80}, {"init.mask": "mask.png"}])
 def test_what_closes_in_asks_the_depth_of_its_start(source: str, how: dict[str, object], tmp_path: Path) -> None:
-    """The ground round the object counted as inside: nothing was left."""
+    """The ground round the object counted as inside: nothing was left. It fills three fifths of each start, as is assumed."""
     y, x = np.mgrid[:180, :240]
     truth, noise = (
         ((x - 120) / 70) ** 2 + ((y - 90) / 50) ** 2 < 1,

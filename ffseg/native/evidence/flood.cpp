@@ -1,8 +1,9 @@
 #include "evidence/flood.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
+
+#include "evidence/logarithm.hpp"
 
 namespace ffseg::evidence {
 namespace {
@@ -85,7 +86,7 @@ private:
 };
 
 // Natural logarithm of a height in steps over `unit` steps; half a step keeps zero finite.
-float logarithm(int level, double unit) { return static_cast<float>(std::log((level + 0.5) / (unit + 0.5))); }
+float height_ratio(int level, double unit) { return static_cast<float>(logarithm((level + 0.5) / (unit + 0.5))); }
 
 double median_inside(const std::vector<std::uint16_t>& heights, const std::uint8_t* inside) {
     std::vector<std::uint16_t> found;
@@ -154,7 +155,7 @@ void barrier_planes(const float* heights, const std::uint8_t* inside, Size size,
     for (const std::uint16_t one : barriers) ++pixels[one];
     constexpr int kClasses = 10;  // a factor of e
     const double unit = median_inside(levels, inside);
-    const auto class_of = [&](int level) { return static_cast<std::size_t>(kClasses * std::log(2.0 * level + 1)); };
+    const auto class_of = [&](int level) { return static_cast<std::size_t>(kClasses * logarithm(2.0 * level + 1)); };
     std::vector<std::size_t> alike(class_of(kMaxLevel) + 1);
     std::vector<int> present;
     for (int level = 0; level <= kMaxLevel; ++level) {
@@ -169,7 +170,7 @@ void barrier_planes(const float* heights, const std::uint8_t* inside, Size size,
         below += same;
         float* row = table.data() + static_cast<std::size_t>(level) * kBarrierPlanes;
         row[0] = static_cast<float>(level * step);
-        row[1] = logarithm(level, unit);
+        row[1] = height_ratio(level, unit);
         row[2] = static_cast<float>(static_cast<double>(below) * share);
         row[3] = static_cast<float>(static_cast<double>(same) * share);
         row[4] = static_cast<float>(static_cast<double>(alike[class_of(level)]) * share);

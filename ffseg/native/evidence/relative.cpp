@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "common/lanes.hpp"
+#include "evidence/logarithm.hpp"
 
 namespace ffseg::evidence {
 namespace {
@@ -133,7 +134,7 @@ void likelihood_ratio(const float* lab, const std::uint8_t* inside, Size size, f
     finish(all);
     std::vector<float> ratios(kBins);
     for (const std::size_t k : present) {
-        ratios[k] = static_cast<float>(std::log((within[k] + kEmpty) / (all[k] + kEmpty)));
+        ratios[k] = static_cast<float>(logarithm((within[k] + kEmpty) / (all[k] + kEmpty)));
     }
     for (std::size_t i = 0; i < count; ++i) out[i] = ratios[static_cast<std::size_t>(bins[i])];
 }
