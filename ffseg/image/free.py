@@ -43,7 +43,7 @@ def clear_distances(free: Mask) -> Plane:
 
 
 def deeper(free: Mask, least: float) -> Mask:
-    """Pixels at least this far from the nearest pixel that is not free, as `clear_distances` measures it, if that is not far."""
+    """Pixels at least `least` px, a few, from the nearest pixel that is not free, as `clear_distances` measures it."""
     side = ceil(least) - 1
     near = np.hypot(*np.mgrid[-side : side + 1, -side : side + 1]) < least
     rows, columns = free.shape

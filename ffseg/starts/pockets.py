@@ -19,8 +19,8 @@ MIN_PIXELS = 30
 """Pixels: smaller components get no start."""
 
 REACH = ceil(NARROW_WIDTH) + 3
-"""Pixels beside a component within which lies the end of the region that is nearest to any of its pixels: on the way there the
-component ends where that end is `NARROW_WIDTH` away, but for the steps of pixels."""
+"""Pixels beside a component within which the distances of all its pixels are decided: towards the nearest pixel outside the
+region they fall steadily, so that the component ends `NARROW_WIDTH` before it, up to the rounding of pixels."""
 
 START_RADIUS_FRACTION = 0.6
 """Radius of the start in a component, as a fraction of its largest inscribed disc."""
