@@ -19,7 +19,6 @@ from ffseg.evidence.maps import LEVEL, at_level, certain_odds, evidence_edges, s
 from ffseg.evidence.prior import prior
 from ffseg.image.checked import require_size
 from ffseg.image.edges import EdgeMap
-from ffseg.image.free import clear_distances
 from ffseg.image.parts import connected_parts
 from ffseg.image.raster import rasterize
 from ffseg.io.files import printable, read_bytes
@@ -147,7 +146,7 @@ def model_start(
     if not sure.any():
         return None
     regions = connected_parts(sure)
-    ((x, y, depth),) = discs(clear_distances(sure), regions, np.array([regions.areas.argmax()]), np.inf)
+    ((x, y, depth),) = discs(sure, regions, np.array([regions.areas.argmax()]), np.inf)
     return (x + 0.5) * factor - 0.5, (y + 0.5) * factor - 0.5, min(most, max(depth, MIN_START_RADIUS) * factor)
 
 

@@ -128,9 +128,8 @@ def read_picture(
     probes = header.check()
     image = _decoded(header.still or data, header, cv2.IMREAD_ANYDEPTH if header.deep and levels is not None else 0)
     if image is None:
-        np.empty(
-            _DECODER_BYTES * header.width * header.height + _DECODER_BASE_BYTES, np.uint8
-        )  # or a MemoryError it is
+        # a MemoryError, if it is that
+        np.empty(_DECODER_BYTES * header.width * header.height + _DECODER_BASE_BYTES, np.uint8)
         raise _undecodable(header)
     if {image.shape[0], image.shape[1]} != {header.height, header.width}:
         raise ImageReadError("damaged", f"the {header.format} pixels have not the size its header claims; convert it")

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from ffseg.arrays import Plane
-from ffseg.image.free import clear_distances
 from ffseg.image.parts import connected_parts
 from ffseg.image.raster import window_of
 from ffseg.scene import Scene
@@ -41,6 +40,6 @@ def in_boxes(scene: Scene, odds: Plane | None) -> Scene:
         region = inside[window]
         components = connected_parts(region)
         large = np.flatnonzero(components.areas >= max(MIN_PART_FRACTION * components.areas.max(), 1))
-        found = discs(clear_distances(region), components, large, np.inf)
+        found = discs(region, components, large, np.inf)
         circles += [(x + columns.start, y + rows.start, radius) for x, y, radius in (found[:1] if alone else found)]
     return replace(scene, starts=(*named, *(circle_start(one, params) for one in circles))) if circles else scene

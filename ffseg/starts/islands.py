@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from ffseg.arrays import Mask, Plane
-from ffseg.image.free import clear_distances
 from ffseg.image.parts import connected_parts
 from ffseg.starts.pockets import Circle, discs
 
@@ -52,5 +51,5 @@ def islands(odds: Plane, starts: Mask, most: float) -> tuple[Circle, ...]:
     sure = large[[float(np.median(levels[components.labels == part])) >= least for part in large]]
     if not len(sure):
         return ()
-    small = discs(clear_distances(levels > 0), components, sure, most / STRIDE)
+    small = discs(levels > 0, components, sure, most / STRIDE)
     return tuple((STRIDE * x, STRIDE * y, STRIDE * radius) for x, y, radius in small)

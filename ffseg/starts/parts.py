@@ -8,7 +8,6 @@ import numpy as np
 
 from ffseg.arrays import Mask
 from ffseg.geometry.freeform import FreeForm
-from ffseg.image.free import clear_distances
 from ffseg.image.parts import connected_parts
 from ffseg.image.raster import rasterize
 from ffseg.scene import Scene
@@ -26,7 +25,7 @@ def starts_in_parts(scene: Scene) -> Scene:
         stays = stays & (scene.domain > 0)
     components = connected_parts(stays)
     large = np.setdiff1d(np.flatnonzero(components.areas >= MIN_PIXELS), components.touching(scene.start_region()))
-    found = discs(clear_distances(stays), components, large, params.init.radius_in(scene.shape))
+    found = discs(stays, components, large, params.init.radius_in(scene.shape))
     return replace(scene, starts=(*scene.starts, *(circle_start(circle, params) for circle in found)))
 
 
@@ -41,7 +40,7 @@ def start_core(scene: Scene) -> Mask:
     from ffseg.starts.pockets import discs
 
     components = connected_parts(region)
-    circles = discs(clear_distances(region), components, np.flatnonzero(components.areas), np.inf)
+    circles = discs(region, components, np.flatnonzero(components.areas), np.inf)
     return rasterize([circle_start(circle, scene.params) for circle in circles], scene.shape)
 
 

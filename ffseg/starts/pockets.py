@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.arrays import Mask, Plane
+from ffseg.arrays import Mask
 from ffseg.image.free import deeper, distances
 from ffseg.image.parts import Parts, connected_parts, parts_holding
 
@@ -49,33 +49,38 @@ def starts_beyond(free: Mask, starts: Mask, most: float) -> tuple[Circle, ...]:
     beyond = deep & ~parts_holding(deep, starts, corners=True)
     if np.count_nonzero(beyond) < MIN_PIXELS:
         return ()
-    left, top, width, height = cv2.boundingRect(beyond.view(np.uint8))
-    window = np.s_[top : top + height + 2 * REACH, left : left + width + 2 * REACH]
-    components = connected_parts(np.pad(beyond, REACH)[window], corners=True)
-    depth = distances(np.pad(region, REACH)[window])
-    found = discs(depth, components, np.flatnonzero(components.areas >= MIN_PIXELS), most)
-    return tuple((left + x - REACH, top + y - REACH, radius) for x, y, radius in found)
+    components = connected_parts(beyond, corners=True)
+    return discs(region, components, np.flatnonzero(components.areas >= MIN_PIXELS), most)
 
 
-def discs(depth: Plane, components: Parts, chosen: NDArray[np.integer], most: float) -> tuple[Circle, ...]:
-    """A disc round the deepest pixel of each part chosen, the largest first.
+def discs(region: Mask, components: Parts, chosen: NDArray[np.integer], most: float) -> tuple[Circle, ...]:
+    """A disc round the deepest pixel in a region of each component chosen, the largest first.
 
     Parameters
     ----------
-    depth : ndarray of float32, shape (H, W)
+    region : ndarray of bool, shape (H, W)
+        It ends where the image does, and no more than `NARROW_WIDTH` beside each component. Only there are depths measured.
     components : Parts
     chosen : ndarray of int
         Their numbers.
     most : float
         px; the largest radius of a disc.
     """
-    inside = np.flatnonzero(components.pixels_of(chosen))
-    part, deep = components.labels.take(inside), depth.take(inside)
+    held = components.pixels_of(chosen)
+    left, top, width, height = cv2.boundingRect(held.view(np.uint8))
+    if not width:
+        return ()
+    near = np.pad(region, REACH)[top : top + height + 2 * REACH, left : left + width + 2 * REACH]
+    window, depth = np.s_[top : top + height, left : left + width], distances(near)[REACH:-REACH, REACH:-REACH]
+    inside = np.flatnonzero(held[window])
+    part, deep = components.labels[window].take(inside), depth.take(inside)
     deepest = np.zeros(components.number, np.float32)
     np.maximum.at(deepest, part, deep)
     there = np.flatnonzero(deep == deepest[part])
     first = there[np.unique(part[there], return_index=True)[1]]
-    rows, columns = np.divmod(inside[first], depth.shape[1])
+    rows, columns = np.divmod(inside[first], width)
     radii = np.minimum(most, START_RADIUS_FRACTION * deep[first].astype(np.float64))
-    found = zip(columns.astype(float).tolist(), rows.astype(float).tolist(), radii.tolist(), strict=True)
+    found = zip(
+        (left + columns).astype(float).tolist(), (top + rows).astype(float).tolist(), radii.tolist(), strict=True
+    )
     return tuple(sorted(found, key=lambda one: -one[2]))

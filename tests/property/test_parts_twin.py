@@ -29,7 +29,7 @@ def test_a_disc_in_each_part(seed: int) -> None:
     for part in np.flatnonzero(told.areas >= 20):
         row, column = np.unravel_index(np.where(told.labels == part, depth, 0).argmax(), mask.shape)
         expected.add((float(column), float(row), min(6.0, START_RADIUS_FRACTION * float(depth[row, column]))))
-    found = discs(depth, told, np.flatnonzero(told.areas >= 20), 6.0)
+    found = discs(mask, told, np.flatnonzero(told.areas >= 20), 6.0)
     assert set(found) == expected
     assert [radius for _, _, radius in found] == sorted((radius for _, _, radius in found), reverse=True)
 

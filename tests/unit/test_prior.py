@@ -260,9 +260,8 @@ def test_another_exposure_gives_nearly_the_same_odds() -> None:
 
 def test_the_mean_level_is_brought_to_the_middle() -> None:
     image = np.random.default_rng(4).integers(20, 61, (80, 120, 3)).astype(np.uint8)
-    assert normalised_exposure(image).mean() == pytest.approx(
-        MEAN_LEVEL, abs=1.0
-    )  # sampled mean, and rounding to levels
+    # a sampled mean, and rounding to levels
+    assert normalised_exposure(image).mean() == pytest.approx(MEAN_LEVEL, abs=1.0)
     assert normalised_exposure(np.zeros((8, 8), np.uint8)).max() == 0
 
 

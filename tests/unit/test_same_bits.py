@@ -9,6 +9,7 @@ import cv2
 import pytest
 
 from ffseg.learning.drawn.sights import KINDS, sights
+from ffseg.learning.grow import SAME_ARITHMETIC
 
 SAMPLES = str(Path(__file__).resolve().parents[2] / "samples")
 
@@ -70,7 +71,7 @@ OTHERS = {
     "linear algebra of an old processor": {"OPENBLAS_CORETYPE": "Prescott"},
     "C library without fused operations": {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-FMA,-AVX2,-FMA4,-AVX512F"},
     "OpenCV without Intel's primitives and wide registers": {
-        "OPENCV_IPP": "disabled", "OPENCV_CPU_DISABLE": "AVX,FP16,AVX2,FMA3,AVX512-SKX",
+        name: value for name, value in SAME_ARITHMETIC.items() if name.startswith("OPENCV")
     },
     "NumPy without wide registers": {"NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL"},
 }  # fmt: skip

@@ -86,7 +86,7 @@ private:
 };
 
 // Natural logarithm of a height in steps over `unit` steps; half a step keeps zero finite.
-float height_ratio(int level, double unit) { return static_cast<float>(logarithm((level + 0.5) / (unit + 0.5))); }
+float log_ratio(int level, double unit) { return static_cast<float>(logarithm((level + 0.5) / (unit + 0.5))); }
 
 double median_inside(const std::vector<std::uint16_t>& heights, const std::uint8_t* inside) {
     std::vector<std::uint16_t> found;
@@ -170,7 +170,7 @@ void barrier_planes(const float* heights, const std::uint8_t* inside, Size size,
         below += same;
         float* row = table.data() + static_cast<std::size_t>(level) * kBarrierPlanes;
         row[0] = static_cast<float>(level * step);
-        row[1] = height_ratio(level, unit);
+        row[1] = log_ratio(level, unit);
         row[2] = static_cast<float>(static_cast<double>(below) * share);
         row[3] = static_cast<float>(static_cast<double>(same) * share);
         row[4] = static_cast<float>(static_cast<double>(alike[class_of(level)]) * share);

@@ -2,28 +2,34 @@
 #pragma once
 #include <cstdint>
 #include <cstring>
+#include <limits>
+#include <type_traits>
 
+#include "common/lanes.hpp"
 #include "evidence/plane.hpp"
 
 namespace ffseg::evidence {
 
 // log x = e log 2 + log m, with m from sqrt(1/2) to sqrt(2), and log m = 2 (s + s^3 / 3 + s^5 / 5 + ...) of
-// s = (m - 1) / (m + 1), which is at most 0.172: what is left out is below the rounding of a double.
-inline double logarithm(double value) {
-    constexpr std::uint64_t kRootOfHalf = 0x3fe6a09e667f3bcd;
-    std::uint64_t bits;
+// s = (m - 1) / (m + 1), which is at most 0.172: what is left out is below the rounding of a Number.
+template <class Number>
+FFSEG_PART inline Number logarithm(Number value) {
+    constexpr bool kSingle = std::is_same_v<Number, float>;
+    using Bits = std::conditional_t<kSingle, std::int32_t, std::int64_t>;
+    constexpr auto kRootOfHalf = static_cast<Bits>(kSingle ? 0x3f3504f3 : 0x3fe6a09e667f3bcd);
+    constexpr int kMantissa = std::numeric_limits<Number>::digits - 1, kLast = kSingle ? 9 : 21;
+    Bits bits;
     std::memcpy(&bits, &value, sizeof bits);
-    const auto exponent = static_cast<std::int64_t>(bits - kRootOfHalf) >> 52;
-    bits -= static_cast<std::uint64_t>(exponent) << 52;
-    double m;
+    const Bits exponent = (bits - kRootOfHalf) >> kMantissa;
+    bits -= exponent * (Bits{1} << kMantissa);
+    Number m;
     std::memcpy(&m, &bits, sizeof m);
-    const double s = (m - 1) / (m + 1), square = s * s;
-    double sum = 0;
-    for (int odd = 21; odd >= 1; odd -= 2) sum = sum * square + 1.0 / odd;
-    return static_cast<double>(exponent) * 0.69314718055994530942 + 2 * s * sum;
+    const Number s = (m - 1) / (m + 1), square = s * s;
+    Number sum = 0;
+    for (int odd = kLast; odd >= 1; odd -= 2) sum = sum * square + Number{1} / static_cast<Number>(odd);
+    return static_cast<Number>(exponent) * static_cast<Number>(0.69314718055994530942) + 2 * s * sum;
 }
 
-// Of each value of a plane, in single precision: 1e-7 of the result, or of one where that is smaller.
 void logarithms(const float* values, std::size_t count, float* out);
 
 }  // namespace ffseg::evidence
