@@ -9,6 +9,7 @@ import numpy as np
 
 from ffseg.arrays import Image, Mask, Plane
 from ffseg.contour import ContourResult
+from ffseg.evidence.maps import probability
 from ffseg.evidence.surroundings import STRIDE, strided
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import packed_joints
@@ -95,7 +96,7 @@ def expected_overlap(odds: Plane, mask: Mask) -> float:
     the image than of the region.
     """
     few, inside = strided(odds), mask[::STRIDE, ::STRIDE]
-    every = (few > 0) / (1 + np.exp(-few))  # products and quotients, where choices would wait for each pixel
+    every = (few > 0) * probability(few)  # a product, where choices would wait for each pixel
     both = float((every * inside).sum(dtype=np.float64))
     either = float(np.count_nonzero(inside)) + float(every.sum(dtype=np.float64)) - both
     return both / either if either > 0 else 0.0

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from ffseg.arrays import Image, Mask, Plane
 from ffseg.errors import ImageReadError, ParameterError
 from ffseg.evidence.features import ALL_FEATURES, DEFAULT_FEATURES, WORKING_SIZE, Features, enlarged, features
+from ffseg.evidence.maps import probability
 from ffseg.evidence.openings import OPENING_FEATURES
 from ffseg.evidence.surroundings import STRIDE, voted, write_strided
 from ffseg.image.exposure import normalised_exposure
@@ -112,8 +113,7 @@ class Forest:
         """
         if self.features != ALL_FEATURES[: len(planes)]:
             planes = np.ascontiguousarray(planes[[ALL_FEATURES.index(name) for name in self.features]])
-        # beyond 60 the probability is 0 or 1 in single precision
-        return _probability(np.clip(self.log_odds(planes, native), -60, 60))
+        return probability(self.log_odds(planes, native))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -170,19 +170,14 @@ class Model:
         write_strided(seen, self.inside.features, planes)
         smooth = voted(np.clip(self.inside.log_odds(planes, native), -MAX_VOTE, MAX_VOTE), seen)
         if not self.prior:
-            return enlarged(_probability(smooth), seen.factor, seen.shape, STRIDE)
+            return enlarged(probability(smooth), seen.factor, seen.shape, STRIDE)
         if prior is None:
             raise ValueError("this model asks the prior; give its log odds")
-        return _probability(enlarged(smooth, seen.factor, seen.shape, STRIDE) + np.float32(self.prior) * prior)
+        return probability(enlarged(smooth, seen.factor, seen.shape, STRIDE) + np.float32(self.prior) * prior)
 
 
 Compiled = tuple[Model, _core.EvidenceForest]
 """A model, and its first forest in the native core."""
-
-
-def _probability(odds: Plane) -> Plane:
-    found: Plane = np.float32(1) / (np.float32(1) + np.exp(-odds))
-    return found
 
 
 def to_bytes(model: Model) -> bytes:

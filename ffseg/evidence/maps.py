@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import log
 from typing import TypeVar
 
@@ -143,8 +144,23 @@ def _crosses(values: Plane, level: float) -> bool:
 
 def logarithm(values: Plane) -> Plane:
     """Natural logarithm of positive values, with the same bits on every processor, unlike NumPy's."""
+    return _of_each(_core.evidence_logarithm, values)
+
+
+def exponential(values: Plane) -> Plane:
+    """Exponential of values, no more than 87 in absolute value, with the same bits on every processor."""
+    return _of_each(_core.evidence_exponential, values)
+
+
+def probability(odds: Plane) -> Plane:
+    """Probabilities of log odds."""
+    found: Plane = np.float32(1) / (np.float32(1) + exponential(-odds))
+    return found
+
+
+def _of_each(function: Callable[[Plane, Plane], None], values: Plane) -> Plane:
     found = np.empty(values.shape, np.float32)
-    _core.evidence_logarithm(np.ascontiguousarray(values, np.float32), found)
+    function(np.ascontiguousarray(values, np.float32), found)
     return found
 
 

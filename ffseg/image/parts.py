@@ -31,9 +31,7 @@ class Parts:
     @cached_property
     def areas(self) -> Indices:
         """Pixels of each component, 0 for the outside, shape (N + 1,); computed on demand, as few callers need them."""
-        found = np.bincount(self.labels.ravel(), minlength=self.number)
-        found[0] = 0
-        return found
+        return np.bincount(self.labels[self.labels > 0], minlength=self.number)
 
     def touching(self, mask: Mask) -> NDArray[np.int32]:
         """Numbers of the components with a pixel in a mask."""

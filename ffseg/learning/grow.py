@@ -1,9 +1,10 @@
-"""Grow the forests that come with ffseg from drawings alone; run ``python -m ffseg.learning.grow [--out DIR]``.
+"""Grow the forests that come with ffseg from drawings alone; run ``python -m ffseg.learning.grow [--out DIR | --check]``.
 
 Writes ``prior.ffmodel``, ``base.ffmodel``, ``box.ffmodel`` and ``hints.ffmodel``. No photograph is read: all they learn from
-is what ``ffseg/learning/drawn`` draws from the seeds written there. The same versions of NumPy, OpenCV and LightGBM give the same
-bytes on any x86-64 machine: the command starts itself again without the vector instructions that not all of them have
-(`SAME_ARITHMETIC`).
+is what ``ffseg/learning/drawn`` draws from the seeds written there. The same versions of NumPy, OpenCV and LightGBM, which the
+header of each model names, give the same bytes on any x86-64 machine: the command starts itself again without the vector
+instructions that not all of them have (`SAME_ARITHMETIC`). ``--check`` says in seconds whether the forests there are of this
+code: their headers hold a digest of what the first look at each kind teaches (`fingerprint`).
 """
 
 from __future__ import annotations
@@ -12,8 +13,11 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from concurrent.futures import Executor, ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from hashlib import blake2b
+from importlib.metadata import version
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -22,8 +26,8 @@ from numpy.typing import NDArray
 from ffseg.arrays import Array, Floats, Mask, Plane
 from ffseg.evidence import base, box, hints, prior
 from ffseg.evidence.clicks import HALF, Click, ClickedImage, first_state, next_state
-from ffseg.evidence.features import DEFAULT_FEATURES, PLACE_FEATURES, WORKING_SIZE, features
-from ffseg.evidence.forest import Compiled, Model, from_bytes, to_bytes
+from ffseg.evidence.features import ALL_FEATURES, DEFAULT_FEATURES, PLACE_FEATURES, WORKING_SIZE, features
+from ffseg.evidence.forest import Compiled, Model, from_bytes, load_model, to_bytes
 from ffseg.evidence.surroundings import STRIDE
 from ffseg.image.exposure import normalised_exposure
 from ffseg.image.raster import window_of
@@ -92,30 +96,73 @@ class Samples:
 
 
 def main() -> int:
-    """Write all forests."""
+    """Write all forests, or check those that are there; 1 if they are not of this code."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
-    parser.add_argument("--out", type=Path, default=prior.MODEL.parent, help="folder to write to")
+    parser.add_argument("--out", type=Path, default=prior.MODEL.parent, help="folder to write to, or to check")
     parser.add_argument("--looks", type=int, default=VIEWS_PER_KIND, metavar="N", help="looks at each kind of pictures")
+    parser.add_argument("--check", action="store_true", help="write nothing; say whether the forests are of this code")
     options = parser.parse_args()
     if any(os.environ.get(name) != value for name, value in SAME_ARITHMETIC.items()):
         again = [sys.executable, "-m", "ffseg.learning.grow", *sys.argv[1:]]
         os.execve(sys.executable, again, os.environ | SAME_ARITHMETIC)  # noqa: S606 - this very program
-    options.out.mkdir(parents=True, exist_ok=True)
-    few = max(1, options.looks * CLICKED_VIEWS // VIEWS_PER_KIND)
-    about, about_few = (
-        {"drawn": {"looks": count, "kinds": list(KINDS)}, "photographs": 0} for count in (options.looks, few)
-    )
     with ProcessPoolExecutor() as pool:
-        looks = [one for found in pool.map(prior_samples, KINDS, [options.looks] * len(KINDS)) for one in found]
-        models = [
-            to_bytes(grow([part for look in looks for part in look[place]], names, about))
-            for place, names in enumerate((prior.FEATURE_NAMES, BASE_FEATURES, box.FEATURE_NAMES))
-        ]
-        hinted = pool.map(hint_samples, KINDS, [few] * len(KINDS), models[:1] * len(KINDS))
-        models.append(to_bytes(grow([part for found in hinted for part in found], hints.FEATURE_NAMES, about_few)))
-    for path, model in zip((prior.MODEL, base.BASE, box.MODEL, hints.MODEL), models, strict=True):
-        write_bytes_atomic(options.out / path.name, model)
+        if options.check:
+            return check(options.out, pool)
+        forests = grown(options.looks, pool)
+        made_by = {"versions": versions(), "fingerprint": fingerprint(to_bytes(forests[prior.MODEL.name]), pool)}
+    options.out.mkdir(parents=True, exist_ok=True)
+    for name, forest in forests.items():
+        write_bytes_atomic(options.out / name, to_bytes(replace(forest, about=forest.about | made_by)))
     return 0
+
+
+def grown(looks: int, pool: Executor) -> dict[str, Model]:
+    """All forests, by the names of their files, from so many looks at each kind."""
+    few = max(1, looks * CLICKED_VIEWS // VIEWS_PER_KIND)
+    about, about_few = ({"drawn": {"looks": count, "kinds": list(KINDS)}, "photographs": 0} for count in (looks, few))
+    seen = [one for found in pool.map(prior_samples, KINDS, [looks] * len(KINDS)) for one in found]
+    names = {prior.MODEL.name: prior.FEATURE_NAMES, base.BASE.name: BASE_FEATURES, box.MODEL.name: box.FEATURE_NAMES}
+    forests = {
+        name: grow([part for look in seen for part in look[place]], features, about)
+        for place, (name, features) in enumerate(names.items())
+    }
+    ask = [to_bytes(forests[prior.MODEL.name])] * len(KINDS)
+    hinted = pool.map(hint_samples, KINDS, [few] * len(KINDS), ask)
+    clicked = [part for found in hinted for part in found]
+    return forests | {hints.MODEL.name: grow(clicked, hints.FEATURE_NAMES, about_few)}
+
+
+def versions() -> dict[str, str]:
+    """Versions of the packages that the bytes depend on."""
+    return {name: version(name) for name in ("numpy", "opencv-python-headless", "lightgbm")}
+
+
+def fingerprint(prior_file: bytes, pool: Executor) -> str:
+    """A digest of what the first look at each kind teaches every forest; the prior in the file is asked before clicks."""
+    digest = blake2b(digest_size=16)
+    looks = pool.map(prior_samples, KINDS, [1] * len(KINDS))
+    hinted = pool.map(hint_samples, KINDS, [1] * len(KINDS), [prior_file] * len(KINDS))
+    for (look,), clicked in zip(looks, hinted, strict=True):
+        for one in chain(*look, clicked):
+            for part in (one.rows, one.inside, one.weights):
+                digest.update(np.ascontiguousarray(part).tobytes())
+    return digest.hexdigest()
+
+
+def check(folder: Path, pool: Executor) -> int:
+    """Print whether the forests in a folder are what this code grows with these packages; 0 if so, 1 if not, 2 if unknown."""
+    paths = [folder / path.name for path in (prior.MODEL, base.BASE, box.MODEL, hints.MODEL)]
+    names = (prior.FEATURE_NAMES, ALL_FEATURES, box.FEATURE_NAMES, hints.FEATURE_NAMES)
+    about = [load_model(path, known).about for path, known in zip(paths, names, strict=True)]
+    here, there = versions(), [one.get("versions") for one in about]
+    if any(one != here for one in there):
+        sys.stdout.write(f"grown with other packages: {there[0]}, here are {here}\n")
+        return 2
+    found = fingerprint(paths[0].read_bytes(), pool)
+    others = [path.name for path, one in zip(paths, about, strict=True) if one.get("fingerprint") != found]
+    said = f"not of this code: {', '.join(others)}; grow them again" if others else "all forests are of this code"
+    sys.stdout.write(f"{said}\n")
+    return 1 if others else 0
 
 
 def prior_samples(kind: str, count: int) -> list[tuple[list[Samples], list[Samples], list[Samples]]]:

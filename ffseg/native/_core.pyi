@@ -58,6 +58,11 @@ def evidence_enlarge(plane: Annotated[NDArray[numpy.float32], dict(shape=(None, 
 def evidence_logarithm(values: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu')]) -> None:
     """Natural logarithms of positive values, the same on every processor."""
 
+def evidence_exponential(values: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu')]) -> None:
+    """
+    Exponentials of values, no more than 87 either way, the same on every processor.
+    """
+
 def evidence_blur(plane: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], sigma: float, out: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu')]) -> None:
     """Gaussian smoothing; outside, the border repeats."""
 

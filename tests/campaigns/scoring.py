@@ -33,8 +33,8 @@ def outcomes(kind: str, looks: int) -> Iterator[tuple[str, float, float]]:
         yield found.source, found.score, iou(found.mask, seen.truth)
 
 
-def hope(scores: list[float], overlaps: list[float]) -> float:
-    """What the promises' odds must be divided by, from scores that `OVERLAP_ODDS_RATIO` has made of them: Newton's method."""
+def odds_ratio(scores: list[float], overlaps: list[float]) -> float:
+    """What the odds of the promises must be divided by, from scores that `OVERLAP_ODDS_RATIO` has made of them: Newton's method."""
     promised = np.clip(np.array(scores), 1e-3, 1 - 1e-3)
     odds, shift = np.log(promised / (1 - promised)) + np.log(OVERLAP_ODDS_RATIO), 0.0
     for _ in range(50):
@@ -51,7 +51,7 @@ def main(looks: int = 12) -> int:
         print(f"{kind}: IoU {mean(row[2] for row in rows):.3f}, score {mean(row[1] for row in rows):.3f}")
     scores, overlaps = ([row[at] for rows in found.values() for row in rows if row[0] == "prior"] for at in (1, 2))
     print(f"prior: {len(scores)} results, IoU {mean(overlaps):.3f}, score {mean(scores):.3f}", end=", ")
-    print(f"Spearman {spearman(scores, overlaps):.2f}, HOPE {hope(scores, overlaps):.2f}")
+    print(f"Spearman {spearman(scores, overlaps):.2f}, odds ratio {odds_ratio(scores, overlaps):.2f}")
     return 0
 
 

@@ -68,6 +68,13 @@ def test_logarithms_are_those_of_the_c_library(values: np.ndarray) -> None:
     np.testing.assert_allclose(made(values.shape, _core.evidence_logarithm, values), twin, rtol=1.2e-7, atol=1.2e-7)
 
 
+@given(hnp.arrays(np.float32, (1, 40), elements=st.floats(-200, 200, width=32)))
+def test_exponentials_are_those_of_the_c_library(values: np.ndarray) -> None:
+    twin = np.exp(np.clip(values, -87, 87).astype(np.float64))
+    # half a unit in the last place of each of the two factors
+    np.testing.assert_allclose(made(values.shape, _core.evidence_exponential, values), twin, rtol=1.2e-7)
+
+
 @given(hilly())
 @settings(max_examples=60)
 def test_thinned_planes_and_their_largest(drawn: tuple[np.ndarray, np.ndarray]) -> None:

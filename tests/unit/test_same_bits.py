@@ -19,6 +19,7 @@ import numpy as np
 import ffseg
 from ffseg.io.svg import svg_document
 from ffseg.geometry import bezier
+from ffseg.evidence.base import BASE
 
 digest = hashlib.blake2b()
 for degree in range(1, 7):
@@ -33,9 +34,10 @@ for path in sys.argv[2:]:
     image = ffseg.read_image(path)
     x, y = (float(at) for at in path.rsplit(".", 1)[0].split("_")[-2:])
     start, clicks = {"init.center": [x, y], "init.radius": 5}, {"init.circles": [[x, y, 5]], "init.background": [[2, 2]]}
-    for places in (start, clicks):
+    for places in (start, clicks, start | {"edges.model": str(BASE)}):
         result = ffseg.segment(image, places)
         digest.update(svg_document(result.contours, *image.shape[1::-1]).encode() + result.mask.tobytes())
+        digest.update(np.float64(result.score).tobytes())
         print(result.source)
 print(digest.hexdigest())
 """

@@ -7,7 +7,7 @@
 #include "evidence/forest.hpp"
 #include "evidence/lab.hpp"
 #include "evidence/level.hpp"
-#include "evidence/logarithm.hpp"
+#include "evidence/elementary.hpp"
 #include "evidence/relative.hpp"
 #include "evidence/texture.hpp"
 
@@ -86,11 +86,13 @@ void py_steepest(const InPlane& plane, OutPlane out) {
     evidence::steepest(plane.data(), size, out.data());
 }
 
-void py_logarithm(const InPlane& values, OutPlane out) {
+// A function of each value.
+template <void (*function)(const float*, std::size_t, float*)>
+void py_elementary(const InPlane& values, OutPlane out) {
     const Size size = size_of(values);
     check_size(out, size);
     nb::gil_scoped_release release;
-    evidence::logarithms(values.data(), size.count(), out.data());
+    function(values.data(), size.count(), out.data());
 }
 
 void py_enlarge(const InPlane& plane, int factor, int stride, OutPlane out) {
@@ -210,8 +212,10 @@ void bind_evidence(nb::module_& m) {
     m.def("evidence_steepest", &py_steepest, "plane"_a, "out"_a, "The largest value of each 2 x 2 pixels.");
     m.def("evidence_enlarge", &py_enlarge, "plane"_a, "factor"_a, "stride"_a, "out"_a,
           "A plane whose values are `stride` blocks of `factor` pixels apart at each pixel, linear between them.");
-    m.def("evidence_logarithm", &py_logarithm, "values"_a, "out"_a,
+    m.def("evidence_logarithm", &py_elementary<evidence::logarithms>, "values"_a, "out"_a,
           "Natural logarithms of positive values, the same on every processor.");
+    m.def("evidence_exponential", &py_elementary<evidence::exponentials>, "values"_a, "out"_a,
+          "Exponentials of values, no more than 87 either way, the same on every processor.");
     m.def("evidence_blur", &py_blur, "plane"_a, "sigma"_a, "out"_a, "Gaussian smoothing; outside, the border repeats.");
     m.def("evidence_texture", &py_look<evidence::texture, evidence::kTexturePlanes>, "lab"_a, "sigma"_a, "out"_a,
           "L, a, b smoothed; gradient of L, of a and b, of all; eigenvalues of structure tensor and Hessian of L.");

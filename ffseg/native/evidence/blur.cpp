@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "common/lanes.hpp"
+#include "evidence/elementary.hpp"
 
 namespace ffseg::evidence {
 namespace {
@@ -55,14 +56,18 @@ void add_all(const std::vector<float>& weights, const Before& before, const Afte
     if (k <= radius) add_pair(before(k), after(k), weights[static_cast<std::size_t>(k)], out, count);
 }
 
-// Weight between a pixel and the one `step` further on.
-float weight(const float* lab, std::size_t count, std::size_t at, std::size_t step, float falloff) {
-    float squares = 0;
-    for (std::size_t c = 0; c < 3; ++c) {
-        const float apart = lab[c * count + at + step] - lab[c * count + at];
-        squares += apart * apart;
+// A weight of e^-30 adds nothing to `kept`; far smaller ones would be denormal, which processors are slow with.
+constexpr float kMostFall = 30.0F;
+
+// Weights between pixels of a row and those `step` further on; `count` is the number of values of a plane.
+FFSEG_CLONES
+void weigh_row(const float* lab, std::size_t count, std::size_t step, float falloff, std::size_t columns, float* out) {
+    const float *light = lab, *red = lab + count, *blue = lab + 2 * count;
+    FFSEG_APART
+    for (std::size_t x = 0; x < columns; ++x) {
+        const float l = light[x + step] - light[x], a = red[x + step] - red[x], b = blue[x + step] - blue[x];
+        out[x] = exponential(-std::min(((l * l + a * a) + b * b) * falloff, kMostFall));
     }
-    return std::exp(-squares * falloff);
 }
 
 // Weights towards the right and the lower neighbour, with a border of zeros so that every pixel has four; and one over
@@ -79,11 +84,10 @@ struct Weights {
         const auto falloff = static_cast<float>(0.5 / (how.contrast * how.contrast));
         const auto columns = static_cast<std::size_t>(size.width), rows = static_cast<std::size_t>(size.height);
         for (std::size_t y = 0; y < rows; ++y) {
-            for (std::size_t x = 0; x < columns; ++x) {
-                const std::size_t from = y * columns + x, to = (y + 1) * width + x + 1;
-                if (x + 1 < columns) right[to] = weight(lab, size.count(), from, 1, falloff);
-                if (y + 1 < rows) down[to] = weight(lab, size.count(), from, columns, falloff);
-            }
+            const float* from = lab + y * columns;
+            const std::size_t to = (y + 1) * width + 1;
+            weigh_row(from, size.count(), 1, falloff, columns - 1, right.data() + to);
+            if (y + 1 < rows) weigh_row(from, size.count(), columns, falloff, columns, down.data() + to);
         }
         for (std::size_t at = width + 1; at < (rows + 1) * width; ++at) {
             inverse[at] = 1 / (static_cast<float>(how.kept) + right[at] + right[at - 1] + down[at] + down[at - width]);

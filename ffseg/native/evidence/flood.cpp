@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "evidence/logarithm.hpp"
+#include "evidence/elementary.hpp"
 
 namespace ffseg::evidence {
 namespace {
@@ -88,6 +88,15 @@ private:
 // Natural logarithm of a height in steps over `unit` steps; half a step keeps zero finite.
 float log_ratio(int level, double unit) { return static_cast<float>(logarithm((level + 0.5) / (unit + 0.5))); }
 
+// The class of each level: of its logarithm, ten classes a factor of e.
+std::vector<std::size_t> classes_of_levels() {
+    std::vector<std::size_t> classes;
+    for (int level = 0; level <= kMaxLevel; ++level) {
+        classes.push_back(static_cast<std::size_t>(10 * logarithm(2.0 * level + 1)));
+    }
+    return classes;
+}
+
 double median_inside(const std::vector<std::uint16_t>& heights, const std::uint8_t* inside) {
     std::vector<std::uint16_t> found;
     for (std::size_t i = 0; i < heights.size(); ++i) {
@@ -153,15 +162,14 @@ void barrier_planes(const float* heights, const std::uint8_t* inside, Size size,
     barrier(levels.data(), inside, size, barriers.data());
     std::vector<std::size_t> pixels(kMaxLevel + 1);
     for (const std::uint16_t one : barriers) ++pixels[one];
-    constexpr int kClasses = 10;  // a factor of e
     const double unit = median_inside(levels, inside);
-    const auto class_of = [&](int level) { return static_cast<std::size_t>(kClasses * logarithm(2.0 * level + 1)); };
-    std::vector<std::size_t> alike(class_of(kMaxLevel) + 1);
+    static const std::vector<std::size_t> classes = classes_of_levels();
+    std::vector<std::size_t> alike(classes.back() + 1);
     std::vector<int> present;
     for (int level = 0; level <= kMaxLevel; ++level) {
         if (pixels[static_cast<std::size_t>(level)] > 0) present.push_back(level);
     }
-    for (const int level : present) alike[class_of(level)] += pixels[static_cast<std::size_t>(level)];
+    for (const int level : present) alike[classes[static_cast<std::size_t>(level)]] += pixels[static_cast<std::size_t>(level)];
     std::vector<float> table(static_cast<std::size_t>(kMaxLevel + 1) * kBarrierPlanes);
     const double share = 1.0 / static_cast<double>(count);
     std::size_t below = 0;
@@ -173,7 +181,7 @@ void barrier_planes(const float* heights, const std::uint8_t* inside, Size size,
         row[1] = log_ratio(level, unit);
         row[2] = static_cast<float>(static_cast<double>(below) * share);
         row[3] = static_cast<float>(static_cast<double>(same) * share);
-        row[4] = static_cast<float>(static_cast<double>(alike[class_of(level)]) * share);
+        row[4] = static_cast<float>(static_cast<double>(alike[classes[static_cast<std::size_t>(level)]]) * share);
     }
     for (std::size_t i = 0; i < count; ++i) {
         const float* row = table.data() + static_cast<std::size_t>(barriers[i]) * kBarrierPlanes;

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "common/lanes.hpp"
+#include "evidence/elementary.hpp"
 
 namespace ffseg::evidence {
 namespace {
@@ -18,7 +19,7 @@ constexpr float kDiagonal = 1.41421356F;
 
 float bell(float distance, float deviation) {
     const float scaled = distance / deviation;
-    return scaled > kFarBell ? 0.0F : std::exp(-0.5F * scaled * scaled);
+    return scaled > kFarBell ? 0.0F : exponential(-0.5F * scaled * scaled);
 }
 
 // 1 where a value differs in sign from a neighbour to the left or right, above or below.

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "common/lanes.hpp"
-#include "evidence/logarithm.hpp"
+#include "evidence/elementary.hpp"
 
 namespace ffseg::evidence {
 namespace {

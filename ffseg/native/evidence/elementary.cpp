@@ -1,4 +1,4 @@
-#include "evidence/logarithm.hpp"
+#include "evidence/elementary.hpp"
 
 namespace ffseg::evidence {
 
@@ -6,6 +6,12 @@ FFSEG_CLONES
 void logarithms(const float* values, std::size_t count, float* out) {
     FFSEG_APART
     for (std::size_t i = 0; i < count; ++i) out[i] = logarithm(values[i]);
+}
+
+FFSEG_CLONES
+void exponentials(const float* values, std::size_t count, float* out) {
+    FFSEG_APART
+    for (std::size_t i = 0; i < count; ++i) out[i] = exponential(values[i]);
 }
 
 }  // namespace ffseg::evidence

@@ -1,5 +1,6 @@
-// Natural logarithms of positive numbers, by basic operations alone, which round alike on every processor.
+// Logarithms and exponentials by basic operations alone, which round alike on every processor.
 #pragma once
+#include <algorithm>
 #include <cstdint>
 #include <cstring>
 #include <limits>
@@ -30,6 +31,24 @@ FFSEG_PART inline Number logarithm(Number value) {
     return static_cast<Number>(exponent) * static_cast<Number>(0.69314718055994530942) + 2 * s * sum;
 }
 
+// e^x = 2^k e^r, with r from -log(2) / 2 to log(2) / 2, and e^r = 1 + r + r^2 / 2 + ... + r^7 / 7!: what is left out is
+// below the rounding of a float. Exponents beyond 87 either way, whose results few floats hold, count as 87.
+FFSEG_PART inline float exponential(float value) {
+    constexpr float kMost = 87.0F, kPerHalving = 1.44269504F, kHigh = 0.693145752F, kLow = 1.42860682e-6F;
+    const float x = std::min(std::max(value, -kMost), kMost), scaled = x * kPerHalving;
+    const auto k = static_cast<std::int32_t>(scaled + (scaled < 0 ? -0.5F : 0.5F));
+    const auto halvings = static_cast<float>(k);
+    const float r = (x - halvings * kHigh) - halvings * kLow;
+    constexpr float kFactors[] = {1.0F, 1.0F, 1 / 2.0F, 1 / 6.0F, 1 / 24.0F, 1 / 120.0F, 1 / 720.0F, 1 / 5040.0F};
+    float sum = 0;
+    for (int degree = 7; degree >= 0; --degree) sum = sum * r + kFactors[degree];
+    const std::int32_t bits = (k + 127) * (1 << 23);
+    float power;
+    std::memcpy(&power, &bits, sizeof power);
+    return sum * power;
+}
+
 void logarithms(const float* values, std::size_t count, float* out);
+void exponentials(const float* values, std::size_t count, float* out);
 
 }  // namespace ffseg::evidence
