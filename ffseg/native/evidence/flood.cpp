@@ -169,7 +169,8 @@ void barrier_planes(const float* heights, const std::uint8_t* inside, Size size,
     for (int level = 0; level <= kMaxLevel; ++level) {
         if (pixels[static_cast<std::size_t>(level)] > 0) present.push_back(level);
     }
-    for (const int level : present) alike[classes[static_cast<std::size_t>(level)]] += pixels[static_cast<std::size_t>(level)];
+    for (const int level : present)
+        alike[classes[static_cast<std::size_t>(level)]] += pixels[static_cast<std::size_t>(level)];
     std::vector<float> table(static_cast<std::size_t>(kMaxLevel + 1) * kBarrierPlanes);
     const double share = 1.0 / static_cast<double>(count);
     std::size_t below = 0;
