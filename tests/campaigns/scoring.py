@@ -34,7 +34,7 @@ def outcomes(kind: str, looks: int) -> Iterator[tuple[str, float, float]]:
 
 
 def odds_ratio(scores: list[float], overlaps: list[float]) -> float:
-    """What the odds of the promises must be divided by, from scores that `OVERLAP_ODDS_RATIO` has made of them: Newton's method."""
+    """What the odds of the promises must be divided by, from scores that `OVERLAP_ODDS_RATIO` made of them: Newton's method."""
     promised = np.clip(np.array(scores), 1e-3, 1 - 1e-3)
     odds, shift = np.log(promised / (1 - promised)) + np.log(OVERLAP_ODDS_RATIO), 0.0
     for _ in range(50):
