@@ -5,6 +5,7 @@ Links to pages and headings are checked by the build, addresses outside only wit
 
 from __future__ import annotations
 
+import argparse
 import shutil
 import sys
 from pathlib import Path
@@ -14,11 +15,13 @@ from sphinx.cmd.build import main as sphinx
 HERE = Path(__file__).resolve().parent
 
 
-def main(arguments: list[str]) -> int:
+def main() -> int:
     """Build the pages; the first one is ``index.html``."""
-    folders = [one for one in arguments if one != "--links"]
-    target = Path(folders[0]) if folders else HERE.parent / "build" / "site"
-    builders = ["html", "linkcheck"] if "--links" in arguments else ["html"]
+    parser = argparse.ArgumentParser(description="Build the site; a warning or a dead link is an error.")
+    parser.add_argument("folder", nargs="?", type=Path, default=HERE.parent / "build" / "site", help="where to")
+    parser.add_argument("--links", action="store_true", help="ask the network for addresses outside, too")
+    options = parser.parse_args()
+    target, builders = options.folder, ["html", "linkcheck"] if options.links else ["html"]
     for builder in builders:
         code = sphinx(["-W", "--keep-going", "-q", "-j", "auto", "-b", builder, str(HERE), str(target)])
         if code:
@@ -29,4 +32,4 @@ def main(arguments: list[str]) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(main())
