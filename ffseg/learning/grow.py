@@ -150,19 +150,19 @@ def fingerprint(prior_file: bytes, pool: Executor) -> str:
 
 
 def check(folder: Path, pool: Executor) -> int:
-    """Print whether the forests in a folder are what this code grows with these packages; 0 if so, 1 if not, 2 if unknown."""
+    """Print whether the forests in a folder are of this code; 0 if so, 1 if not, 2 where other packages may be the reason."""
     paths = [folder / path.name for path in (prior.MODEL, base.BASE, box.MODEL, hints.MODEL)]
     names = (prior.FEATURE_NAMES, ALL_FEATURES, box.FEATURE_NAMES, hints.FEATURE_NAMES)
-    about = [load_model(path, known).about for path, known in zip(paths, names, strict=True)]
-    here, there = versions(), [one.get("versions") for one in about]
-    if any(one != here for one in there):
-        sys.stdout.write(f"grown with other packages: {there[0]}, here are {here}\n")
-        return 2
-    found = fingerprint(paths[0].read_bytes(), pool)
-    others = [path.name for path, one in zip(paths, about, strict=True) if one.get("fingerprint") != found]
-    said = f"not of this code: {', '.join(others)}; grow them again" if others else "all forests are of this code"
-    sys.stdout.write(f"{said}\n")
-    return 1 if others else 0
+    about = {path.name: load_model(path, known).about for path, known in zip(paths, names, strict=True)}
+    here, found = versions(), fingerprint(paths[0].read_bytes(), pool)
+    others = [name for name, one in about.items() if one.get("fingerprint") != found]
+    if not others:
+        sys.stdout.write("all forests are of this code\n")
+        return 0
+    there = about[others[0]].get("versions")
+    why = "grow them again" if there == here else f"they were grown with {there}, here are {here}"
+    sys.stdout.write(f"not of this code: {', '.join(others)}; {why}\n")
+    return 1 if there == here else 2
 
 
 def prior_samples(kind: str, count: int) -> list[tuple[list[Samples], list[Samples], list[Samples]]]:
