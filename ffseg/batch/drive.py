@@ -44,8 +44,8 @@ class Drive:
     """Whether there are poses."""
     lost: dict[str, str] = field(default_factory=dict)
     """Why a frame is not in the map, by its name."""
-    scans: dict[int, Any] = field(default_factory=dict)
-    """Of the images of a bag, by their nanoseconds."""
+    scans: list[tuple[int, Any]] = field(default_factory=list)
+    """Of the images of a bag, with their nanoseconds."""
     refuted: int = 0
     """Frames before the one that is doubted whose poses the ground contradicts, one after the other."""
     _doubted: tuple[Record, Sighting, Pose] | None = None
@@ -73,7 +73,7 @@ class Drive:
         try:
             seen = _sighting(record, out, views)
             if record.name in views.stamps:
-                self.scans[views.stamps[record.name]] = json.loads(_stored(record, out, SCAN_JSON))
+                self.scans.append((views.stamps[record.name], json.loads(_stored(record, out, SCAN_JSON))))
         except (ImageReadError, KeyError, TypeError, ValueError) as error:
             reason = f"what is stored of it cannot be read ({type(error).__name__}: {error})"
             if not any(path.startswith(f"{GROUND.folder}/") for path in record.outputs):

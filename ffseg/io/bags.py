@@ -10,7 +10,7 @@ import itertools
 import math
 import os
 from bisect import bisect_left
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import lru_cache
 from pathlib import Path
@@ -203,8 +203,10 @@ def _opened(path: str, kinds: tuple[str, ...]) -> Iterator[tuple[Any, list[Any]]
         ) from error
 
 
-def map_bag(levels: Image, cell: float, origin: tuple[float, float], scans: Mapping[int, Mapping[str, Any]]) -> bytes:
-    """An MCAP file with a ``nav_msgs/OccupancyGrid`` on ``/map`` and a ``sensor_msgs/LaserScan`` for each time on ``/scan``.
+def map_bag(
+    levels: Image, cell: float, origin: tuple[float, float], scans: Sequence[tuple[int, Mapping[str, Any]]]
+) -> bytes:
+    """An MCAP file with a ``nav_msgs/OccupancyGrid`` on ``/map`` and a ``sensor_msgs/LaserScan`` for each image on ``/scan``.
 
     Parameters
     ----------
@@ -212,16 +214,17 @@ def map_bag(levels: Image, cell: float, origin: tuple[float, float], scans: Mapp
         As of ``map.pgm``: the row of greatest y first; 254 free, 0 occupied, 128 unknown.
     cell, origin
         Metres.
-    scans : mapping
-        By nanoseconds, `Scan.document` of each image.
+    scans : sequence of (int, mapping)
+        Nanoseconds and `Scan.document` of each image.
     """
     import tempfile
 
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 
-    store, last = get_typestore(Stores.ROS2_HUMBLE), max(scans, default=0)
-    messages = [("/scan", time, _scan(store.types, time, scan)) for time, scan in sorted(scans.items())]
+    store, last = get_typestore(Stores.ROS2_HUMBLE), max((time for time, _ in scans), default=0)
+    in_order = sorted(scans, key=lambda one: one[0])
+    messages = [("/scan", time, _scan(store.types, time, scan)) for time, scan in in_order]
     messages.append(("/map", last, _grid(store.types, last, levels, cell, origin)))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "map"

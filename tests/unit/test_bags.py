@@ -24,6 +24,7 @@ from ffseg.rendering.pairs import sample_camera
 from ffseg.samples.drive import DRIVE_CAMERA, drive
 
 COUNT, BEGIN, STEP = 4, 1_700_000_000_000_000_000, 100_000_000
+TIMES = [BEGIN + number * STEP for number in range(COUNT)]
 
 
 @lru_cache(maxsize=1)
@@ -75,14 +76,13 @@ def transform(store: Any, time: int, pose: Any) -> tuple[str, str, int, dict[str
     return "/tf", "tf2_msgs/msg/TFMessage", time, {"transforms": [led]}
 
 
-def a_drive(path: Path, kind: str) -> Path:
+def a_drive(path: Path, kind: str, times: list[int] = TIMES) -> Path:
     """Images of the rendered drive with odometry at their times, under a mirror as the world lies."""
     ros1 = kind == "ros1"
     store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
     kinds, messages = store.types, []
     still = kinds["geometry_msgs/msg/Vector3"](x=0.0, y=0.0, z=0.0)
-    for number, (view, pose) in enumerate(zip(sight().views, sight().poses, strict=True)):
-        time = BEGIN + number * STEP
+    for view, pose, time in zip(sight().views, sight().poses, times, strict=True):
         head = header(store, time, "odom", ros1)
         where = kinds["geometry_msgs/msg/PoseWithCovariance"](pose=pose_fields(store, *pose), covariance=np.zeros(36))
         twist = kinds["geometry_msgs/msg/Twist"](linear=still, angular=still)
@@ -110,15 +110,24 @@ def test_a_bag_runs_as_its_images_do(ffseg_command: Command, tmp_path: Path, kin
     for path in (tmp_path / "files").rglob("*.p[gn]*"):
         assert (tmp_path / "out" / path.relative_to(tmp_path / "files")).read_bytes() == path.read_bytes(), path
     assert json.loads(ffseg_command(*asked, "--out", tmp_path / "out", "--json").stdout)["counts"]["unchanged"] == COUNT
-    check_bag_out(tmp_path / "out")
+    check_bag_out(tmp_path / "out", TIMES)
 
 
-def check_bag_out(out: Path) -> None:
+def test_images_of_one_time_have_a_scan_each(ffseg_command: Command, tmp_path: Path) -> None:
+    times = [*TIMES[:2], *TIMES[1:3]]
+    bag = a_drive(tmp_path / "d", "mcap", times)
+    write_views(tmp_path, sight().views, sight().poses, [f"{number}.png" for number in range(COUNT)], DRIVE_CAMERA)
+    asked = ("run", "--bag", bag, "--topic", "/camera/image", "--camera", tmp_path / "camera.yaml", "--map")
+    ffseg_command(*asked, "--out", tmp_path / "out", code=0)
+    check_bag_out(tmp_path / "out", times)
+
+
+def check_bag_out(out: Path, times: list[int]) -> None:
     """The map and scans of the new bag against the files beside it."""
     with AnyReader([out / "map" / "drive.mcap"]) as reader:
         found = [(one.topic, time, reader.deserialize(data, one.msgtype)) for one, time, data in reader.messages()]
     scans = [one for one in found if one[0] == "/scan"]
-    assert [time for _, time, _ in scans] == [BEGIN + number * STEP for number in range(COUNT)]
+    assert [time for _, time, _ in scans] == times
     for number, (_, _, scan) in enumerate(scans):
         stored = json.loads((out / "scans" / f"camera_image_{number:06d}.json").read_text())
         wanted = [np.inf if one is None else one for one in stored["ranges"]]
