@@ -147,14 +147,9 @@ def logarithm(values: Plane) -> Plane:
     return _of_each(_core.evidence_logarithm, values)
 
 
-def exponential(values: Plane) -> Plane:
-    """Exponential of values, no more than 87 in absolute value, with the same bits on every processor."""
-    return _of_each(_core.evidence_exponential, values)
-
-
 def probability(odds: Plane) -> Plane:
-    """Probabilities of log odds."""
-    found: Plane = np.float32(1) / (np.float32(1) + exponential(-odds))
+    """Probabilities of log odds, with the same bits on every processor."""
+    found: Plane = np.float32(1) / (np.float32(1) + _of_each(_core.evidence_exponential, -odds))
     return found
 
 

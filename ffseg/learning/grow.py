@@ -17,7 +17,7 @@ from concurrent.futures import Executor, ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from hashlib import blake2b
 from importlib.metadata import version
-from itertools import chain
+from itertools import chain, repeat
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from ffseg.arrays import Array, Floats, Mask, Plane
 from ffseg.evidence import base, box, hints, prior
 from ffseg.evidence.clicks import HALF, Click, ClickedImage, first_state, next_state
-from ffseg.evidence.features import ALL_FEATURES, DEFAULT_FEATURES, PLACE_FEATURES, WORKING_SIZE, features
+from ffseg.evidence.features import DEFAULT_FEATURES, PLACE_FEATURES, WORKING_SIZE, features
 from ffseg.evidence.forest import Compiled, Model, from_bytes, load_model, to_bytes
 from ffseg.evidence.surroundings import STRIDE
 from ffseg.image.exposure import normalised_exposure
@@ -76,6 +76,14 @@ UNKNOWN = np.int8(-1)
 
 BASE_FEATURES = tuple(name for name in DEFAULT_FEATURES if name not in PLACE_FEATURES[:4])
 
+FORESTS = {
+    prior.MODEL.name: prior.FEATURE_NAMES,
+    base.BASE.name: BASE_FEATURES,
+    box.MODEL.name: box.FEATURE_NAMES,
+    hints.MODEL.name: hints.FEATURE_NAMES,
+}
+"""Features of each forest, by the name of its file."""
+
 SAME_ARITHMETIC = {
     "NPY_DISABLE_CPU_FEATURES": "AVX2 FMA3 AVX512F AVX512CD AVX512_SKX",
     "OPENBLAS_CORETYPE": "Nehalem",
@@ -120,14 +128,12 @@ def grown(looks: int, pool: Executor) -> dict[str, Model]:
     """All forests, by the names of their files, from so many looks at each kind."""
     few = max(1, looks * CLICKED_VIEWS // VIEWS_PER_KIND)
     about, about_few = ({"drawn": {"looks": count, "kinds": list(KINDS)}, "photographs": 0} for count in (looks, few))
-    seen = [one for found in pool.map(prior_samples, KINDS, [looks] * len(KINDS)) for one in found]
-    names = {prior.MODEL.name: prior.FEATURE_NAMES, base.BASE.name: BASE_FEATURES, box.MODEL.name: box.FEATURE_NAMES}
+    seen = [one for found in pool.map(prior_samples, KINDS, repeat(looks)) for one in found]
     forests = {
-        name: grow([part for look in seen for part in look[place]], features, about)
-        for place, (name, features) in enumerate(names.items())
+        name: grow([part for look in seen for part in look[place]], FORESTS[name], about)
+        for place, name in enumerate((prior.MODEL.name, base.BASE.name, box.MODEL.name))
     }
-    ask = [to_bytes(forests[prior.MODEL.name])] * len(KINDS)
-    hinted = pool.map(hint_samples, KINDS, [few] * len(KINDS), ask)
+    hinted = pool.map(hint_samples, KINDS, repeat(few), repeat(to_bytes(forests[prior.MODEL.name])))
     clicked = [part for found in hinted for part in found]
     return forests | {hints.MODEL.name: grow(clicked, hints.FEATURE_NAMES, about_few)}
 
@@ -140,21 +146,19 @@ def versions() -> dict[str, str]:
 def fingerprint(prior_file: bytes, pool: Executor) -> str:
     """A digest of what the first look at each kind teaches every forest; the prior in the file is asked before clicks."""
     digest = blake2b(digest_size=16)
-    looks = pool.map(prior_samples, KINDS, [1] * len(KINDS))
-    hinted = pool.map(hint_samples, KINDS, [1] * len(KINDS), [prior_file] * len(KINDS))
+    looks = pool.map(prior_samples, KINDS, repeat(1))
+    hinted = pool.map(hint_samples, KINDS, repeat(1), repeat(prior_file))
     for (look,), clicked in zip(looks, hinted, strict=True):
         for one in chain(*look, clicked):
             for part in (one.rows, one.inside, one.weights):
-                digest.update(np.ascontiguousarray(part).tobytes())
+                digest.update(part.tobytes())
     return digest.hexdigest()
 
 
 def check(folder: Path, pool: Executor) -> int:
     """Print whether the forests in a folder are of this code; 0 if so, 1 if not, 2 where other packages may be the reason."""
-    paths = [folder / path.name for path in (prior.MODEL, base.BASE, box.MODEL, hints.MODEL)]
-    names = (prior.FEATURE_NAMES, ALL_FEATURES, box.FEATURE_NAMES, hints.FEATURE_NAMES)
-    about = {path.name: load_model(path, known).about for path, known in zip(paths, names, strict=True)}
-    here, found = versions(), fingerprint(paths[0].read_bytes(), pool)
+    about = {name: load_model(folder / name, features).about for name, features in FORESTS.items()}
+    here, found = versions(), fingerprint((folder / prior.MODEL.name).read_bytes(), pool)
     others = [name for name, one in about.items() if one.get("fingerprint") != found]
     if not others:
         sys.stdout.write("all forests are of this code\n")

@@ -3,11 +3,11 @@
 #include "bindings.hpp"
 #include "common/arrays.hpp"
 #include "evidence/blur.hpp"
+#include "evidence/elementary.hpp"
 #include "evidence/flood.hpp"
 #include "evidence/forest.hpp"
 #include "evidence/lab.hpp"
 #include "evidence/level.hpp"
-#include "evidence/elementary.hpp"
 #include "evidence/relative.hpp"
 #include "evidence/texture.hpp"
 

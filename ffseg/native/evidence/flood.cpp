@@ -86,16 +86,7 @@ private:
 };
 
 // Natural logarithm of a height in steps over `unit` steps; half a step keeps zero finite.
-float log_ratio(int level, double unit) { return static_cast<float>(logarithm((level + 0.5) / (unit + 0.5))); }
-
-// The class of each level: of its logarithm, ten classes a factor of e.
-std::vector<std::size_t> classes_of_levels() {
-    std::vector<std::size_t> classes;
-    for (int level = 0; level <= kMaxLevel; ++level) {
-        classes.push_back(static_cast<std::size_t>(10 * logarithm(2.0 * level + 1)));
-    }
-    return classes;
-}
+float log_ratio(double level, double unit) { return static_cast<float>(logarithm((level + 0.5) / (unit + 0.5))); }
 
 double median_inside(const std::vector<std::uint16_t>& heights, const std::uint8_t* inside) {
     std::vector<std::uint16_t> found;
@@ -163,26 +154,27 @@ void barrier_planes(const float* heights, const std::uint8_t* inside, Size size,
     std::vector<std::size_t> pixels(kMaxLevel + 1);
     for (const std::uint16_t one : barriers) ++pixels[one];
     const double unit = median_inside(levels, inside);
-    static const std::vector<std::size_t> classes = classes_of_levels();
-    std::vector<std::size_t> alike(classes.back() + 1);
-    std::vector<int> present;
-    for (int level = 0; level <= kMaxLevel; ++level) {
-        if (pixels[static_cast<std::size_t>(level)] > 0) present.push_back(level);
+    constexpr int kClasses = 10;  // a factor of e
+    const auto class_of = [&](std::size_t level) {
+        return static_cast<std::size_t>(kClasses * logarithm(2.0 * static_cast<double>(level) + 1));
+    };
+    std::vector<std::size_t> alike(class_of(kMaxLevel) + 1), present;
+    for (std::size_t level = 0; level < pixels.size(); ++level) {
+        if (pixels[level] == 0) continue;
+        present.push_back(level);
+        alike[class_of(level)] += pixels[level];
     }
-    for (const int level : present)
-        alike[classes[static_cast<std::size_t>(level)]] += pixels[static_cast<std::size_t>(level)];
-    std::vector<float> table(static_cast<std::size_t>(kMaxLevel + 1) * kBarrierPlanes);
+    std::vector<float> table(pixels.size() * kBarrierPlanes);
     const double share = 1.0 / static_cast<double>(count);
     std::size_t below = 0;
-    for (const int level : present) {
-        const std::size_t same = pixels[static_cast<std::size_t>(level)];
-        below += same;
-        float* row = table.data() + static_cast<std::size_t>(level) * kBarrierPlanes;
-        row[0] = static_cast<float>(level * step);
-        row[1] = log_ratio(level, unit);
+    for (const std::size_t level : present) {
+        below += pixels[level];
+        float* row = table.data() + level * kBarrierPlanes;
+        row[0] = static_cast<float>(static_cast<double>(level) * step);
+        row[1] = log_ratio(static_cast<double>(level), unit);
         row[2] = static_cast<float>(static_cast<double>(below) * share);
-        row[3] = static_cast<float>(static_cast<double>(same) * share);
-        row[4] = static_cast<float>(static_cast<double>(alike[classes[static_cast<std::size_t>(level)]]) * share);
+        row[3] = static_cast<float>(static_cast<double>(pixels[level]) * share);
+        row[4] = static_cast<float>(static_cast<double>(alike[class_of(level)]) * share);
     }
     for (std::size_t i = 0; i < count; ++i) {
         const float* row = table.data() + static_cast<std::size_t>(barriers[i]) * kBarrierPlanes;
