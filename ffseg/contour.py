@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 from itertools import compress
+from operator import attrgetter, is_
 from time import perf_counter
 
 import numpy as np
@@ -17,6 +18,8 @@ from ffseg.scene import BlockedStartError, Outcome, Scene
 from ffseg.starts.moved import as_circle
 from ffseg.starts.parts import further_starts, starts_in_parts
 from ffseg.starts.sides import on_one_side
+
+_known = attrgetter(*(one.name for one in fields(EdgeMap) if one.name != "trial"))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,8 +51,7 @@ class ContourResult:
 def trial_result(edges: EdgeMap) -> ContourResult | None:
     """The trial contour that the evidence source has already evolved on this edge map; None if the map was changed since."""
     tried_on, found = edges.trial or (edges, None)
-    names = (one.name for one in fields(EdgeMap) if one.name != "trial")
-    return found if all(getattr(tried_on, name) is getattr(edges, name) for name in names) else None
+    return found if all(map(is_, _known(tried_on), _known(edges))) else None
 
 
 def contour(scene: Scene) -> ContourResult:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import pi, sqrt
+from typing import cast
 
 import numpy as np
 
@@ -68,13 +69,13 @@ def _placed(init: Init, factor: int) -> Init:
         radius="auto" if init.radius == "auto" else init.radius / factor,
         circles=tuple((*_point((x, y), factor), radius / factor) for x, y, radius in init.circles),
         boxes=tuple((*_point((x0, y0), factor), *_point((x1, y1), factor)) for x0, y0, x1, y1 in init.boxes),
-        background=tuple(_seed(one, factor) for one in init.background),
+        background=tuple(scaled_seed(one, *_point(one[:2], factor), factor) for one in init.background),
     )
 
 
-def _seed(seed: Seed, factor: int) -> Seed:
-    place = _point((seed[0], seed[1]), factor)
-    return (*place, seed[2] / factor) if len(seed) == 3 else place
+def scaled_seed(seed: Seed, x: float, y: float, factor: float) -> Seed:
+    """A seed at another place, in a picture smaller by this factor."""
+    return cast(Seed, (x, y, *(radius / factor for radius in seed[2:3]), *seed[3:]))
 
 
 def _point(point: tuple[float, float], factor: int) -> tuple[float, float]:

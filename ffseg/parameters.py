@@ -20,7 +20,8 @@ Overrides = Mapping[str, object] | Sequence[str]
 Point = tuple[float, float]
 Circle = tuple[float, float, float]
 Box = tuple[float, float, float, float]
-Seed = tuple[float, float] | tuple[float, float, float]
+Seed = tuple[float, float] | tuple[float, float, float] | tuple[float, float, float, float]
+"""A point (x, y) or circle (x, y, radius) outside, px, the last with the number of start circles that were given before it."""
 
 MAX_COORDINATE = 100_000
 """Pixels. No image has a longer side, and a start of this size can still be cut into patches."""
@@ -32,10 +33,10 @@ _POSITIVE = Number(0, above=True)
 _PLACE, _RADIUS = Number(-MAX_COORDINATE, MAX_COORDINATE), Number(0, MAX_COORDINATE, above=True)
 _POINT = Row(("x", "y"), (_PLACE, _PLACE))
 _CIRCLE = Row(("x", "y", "radius"), (_PLACE, _PLACE, _RADIUS))
-_SEED = Row(("x", "y", "radius"), (_PLACE, _PLACE, _RADIUS), fewest=2)
 _BOX = Row(("left", "top", "right", "bottom"), (_PLACE,) * 4)
 _THRESHOLDS = Row(("low", "high"), (Number(0, 10_000),) * 2, "ascending")  # no magnitude of 8-bit grey exceeds 1443
 _MAX_STARTS = 1000
+_SEED = Row(("x", "y", "radius", "after"), (_PLACE, _PLACE, _RADIUS, Number(0, _MAX_STARTS)), fewest=2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +125,7 @@ class Init(Section):
     )
     mask: str | None = declared(None, FilePath(), "image whose outlines are the start contours")
     background: tuple[Seed, ...] = declared(
-        (), Many(_SEED, _MAX_STARTS), "points and circles outside the region: the contour stops where it meets them"
+        (), Many(_SEED, _MAX_STARTS), "points and circles outside: the contour stops at them; after: so many circles"
     )
     background_mask: str | None = declared(None, FilePath(), "image that is nonzero at what lies outside the region")
 

@@ -225,9 +225,8 @@ def left_out(scene: Scene, found: ContourResult, mask: Mask) -> tuple[str, ...]:
 
 def _has_middle(start: FreeForm, mask: Mask) -> bool:
     """Whether a mask has the pixel nearest to the middle of a start: mostly it does, and that is known at once."""
-    middle = start.control_points.mean(axis=0).tolist()
-    column, row = (min(max(round(at), 0), size - 1) for at, size in zip(middle, mask.shape[::-1], strict=True))
-    return bool(mask[row, column])
+    x, y = (start.control_points.sum(axis=0) / len(start.control_points)).tolist()
+    return bool(mask[min(max(round(y), 0), mask.shape[0] - 1), min(max(round(x), 0), mask.shape[1] - 1)])
 
 
 def _timings(scene: Scene, found: ContourResult, edges_s: float, total_s: float) -> Timings:

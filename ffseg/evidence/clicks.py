@@ -3,8 +3,8 @@
 The state is a plane of log odds of inside. It begins as the prior's log odds for the first start, or as those of a model, a map
 or boxes. A later click gives new log odds, learned from it and all clicks before it (`ffseg.evidence.hints`); they replace the
 old ones only where they turn pixels to the side of that click, connected with it and near it (`CLICK_REACH`): a click mends
-the error that it was made for, and little else. Circles and points outside have an order each; of the next of both the one
-deeper in the present error is applied first, as a user would click.
+the error that it was made for, and little else. Circles and points outside have an order each, and points may say after how
+many circles they came; otherwise the one deeper in the present error is applied first, as a user would click.
 """
 
 from __future__ import annotations
@@ -47,12 +47,13 @@ CACHED_STATES = 32
 
 @dataclass(frozen=True, slots=True)
 class Click:
-    """A disc that lies inside or outside, pixels."""
+    """A disc that lies inside or outside, pixels; with the number of circles that came before it, where that is known."""
 
     x: float
     y: float
     radius: float
     inside: bool
+    after: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +72,8 @@ class ClickedImage:
         Log odds at which the region ends.
     within : ndarray of bool, shape (H, W), or None
         Pixels of the domain; None means all.
+    ask : callable, optional
+        Gives the base from other pixels inside, shape (H, W) both; None where it does not depend on these.
     """
 
     image: Image
@@ -79,6 +82,7 @@ class ClickedImage:
     base: Plane | None
     level: float
     within: Mask | None
+    ask: Callable[[Mask], Plane] | None = None
 
     @property
     def factor(self) -> int:
@@ -93,6 +97,10 @@ class ClickedImage:
     def reduced_base(self) -> Plane | None:
         """The base, in such a plane."""
         return None if self.base is None else self.reduced(self.base)
+
+    def base_from(self, inside: Mask) -> Plane | None:
+        """The base from these pixels inside, in such a plane."""
+        return self.reduced_base if self.ask is None else self.reduced(self.ask(inside))
 
     def region(self, pixels: Mask) -> Mask:
         """Evaluated pixels at least half of which lie in a region or, if there are none, any that touch it."""
@@ -168,7 +176,9 @@ def hint_edges(scene: Scene) -> EdgeMap:
     return with_clicks(scene, gradient(scene))
 
 
-def with_clicks(scene: Scene, own: EdgeMap, base: Plane | None = None) -> EdgeMap:
+def with_clicks(
+    scene: Scene, own: EdgeMap, base: Plane | None = None, ask: Callable[[Mask], Plane] | None = None
+) -> EdgeMap:
     """Edges where the evidence falls to ``region.probability``; the image's own if both sides show the same colours.
 
     Parameters
@@ -176,6 +186,8 @@ def with_clicks(scene: Scene, own: EdgeMap, base: Plane | None = None) -> EdgeMa
     base : ndarray of float32, shape (H, W), optional
         Log odds of inside that clicks correct, from a model, a map of the image or boxes; the prior's if None. Without
         boxes, they are not used if the first start lies wholly outside the region that they give.
+    ask : callable, optional
+        Gives the base from another start region, if it depends on that.
 
     Raises
     ------
@@ -193,14 +205,12 @@ def with_clicks(scene: Scene, own: EdgeMap, base: Plane | None = None) -> EdgeMa
         inside &= within
     first, circles = _first(scene, inside)
     if base is not None and not scene.boxes and first.any() and base[first].max() <= level:
-        base = None
+        base = ask = None
     odds, kept = base, None
     if first.any():
         beyond = np.zeros_like(inside) if scene.background is None else scene.background > 0
-        clicked = ClickedImage(scene.image, first, beyond, base, level, within)
-        state = state_after_all(
-            clicked, circles, [Click(x, y, max([POINT_RADIUS, *rest]), False) for x, y, *rest in points]
-        )
+        clicked = ClickedImage(scene.image, first, beyond, base, level, within, ask)
+        state = state_after_all(clicked, circles, [_outside(*point) for point in points])
         if state is not None:
             odds, kept = _at_full_size(clicked, state)
             odds[dilated_by_disc(inside, HELD_RADIUS)] = MAX_LOG_ODDS
@@ -227,15 +237,20 @@ def _in_boxes(scene: Scene, odds: Plane) -> Scene:
     return in_boxes(growing, np.where(outside, np.float32(-MAX_LOG_ODDS), odds))
 
 
+def _outside(x: float, y: float, radius: float = POINT_RADIUS, after: float | None = None) -> Click:
+    return Click(x, y, max(radius, POINT_RADIUS), False, after)
+
+
 def _first(scene: Scene, inside: Mask) -> tuple[Mask, list[Click]]:
     """What is known to lie inside at the beginning, and the circles that follow: of circles alone, the first comes first."""
-    circles = () if scene.start_mask is not None else scene.params.init.circles
+    given = () if scene.start_mask is not None else scene.params.init.circles
+    circles = [Click(*circle, True, number) for number, circle in enumerate(given)]
     begun = rasterize(scene.starts[len(circles) :], scene.shape) & inside
-    for start, _ in zip(scene.starts, circles, strict=False):
+    for start, _ in zip(scene.starts, given, strict=False):
         if begun.any():
             break
         begun, circles = rasterize([start], scene.shape) & inside, circles[1:]
-    return begun, [Click(*circle, True) for circle in circles]
+    return begun, circles
 
 
 def state_after_all(clicked: ClickedImage, circles: Sequence[Click], points: Sequence[Click]) -> ClickState | None:
@@ -246,11 +261,18 @@ def state_after_all(clicked: ClickedImage, circles: Sequence[Click], points: Seq
     while state is not None and any(lines):
         left = [line for line in lines if line]
         next_ones = [clicked.correction(state, clicked.disc(line[0]), line[0].inside, first_outside) for line in left]
-        at = max(range(len(left)), key=lambda side: next_ones[side].depth)
+        at = max(range(len(left)), key=lambda side: (_precedes(left, side), next_ones[side].depth))
         done = (*done, left[at].pop(0))
         first_outside &= done[-1].inside
         state = _remembered((digest, *done), partial(_state_after, clicked, state, done, next_ones[at]))
     return state
+
+
+def _precedes(left: Sequence[Sequence[Click]], side: int) -> bool:
+    """Whether the next click of a side is known to come before that of the other side."""
+    if len(left) < 2 or left[1][0].after is None or left[0][0].after is None:
+        return False
+    return (left[0][0].after < left[1][0].after) == (side == 0)
 
 
 _known: OrderedDict[tuple[bytes | Click, ...], ClickState | None] = OrderedDict()
@@ -302,7 +324,7 @@ def _state_after(
 ) -> ClickState | None:
     """The state after several clicks, of which the last is this correction."""
     inside, outside = clicked.known(done)
-    answer = hints.hints(partial(_view, clicked), inside, outside, click, clicked.reduced_base)
+    answer = hints.hints(partial(_view, clicked), inside, outside, click, clicked.base_from)
     if answer is None:
         return None if clicked.base is None else before
     return next_state(clicked, before, *answer, inside, click)

@@ -148,7 +148,11 @@ class HintView:
 
 
 def hints(
-    see: Callable[[Mask], prior.PriorView], inside: Mask, outside: Mask, click: Correction, base: Plane | None = None
+    see: Callable[[Mask], prior.PriorView],
+    inside: Mask,
+    outside: Mask,
+    click: Correction,
+    base: Callable[[Mask], Plane | None],
 ) -> tuple[Plane, Plane] | None:
     """Log odds of inside after the last click, as a correction of those before it.
 
@@ -158,8 +162,9 @@ def hints(
         Gives what the prior looks at in the image from a region, shape (H, W).
     inside, outside : ndarray of bool, shape (H, W)
         Pixels known to lie there, that click's among them; at least one inside, none in both.
-    base : ndarray of float32, shape (h, w), optional
-        Log odds of a model or a map of the image, in place of the prior's.
+    base : callable
+        Gives the log odds of a model or a map of the image from a region, in place of the prior's, shape (h, w); None stands for
+        these.
 
     Returns
     -------
@@ -175,7 +180,7 @@ def hints(
     if view.is_even():
         return None
     model, native = shipped(MODEL, FEATURE_NAMES)
-    odds = np.clip(model.inside.log_odds(all_planes(view, click, base), native), -MAX_LOG_ODDS, MAX_LOG_ODDS)
+    odds = np.clip(model.inside.log_odds(all_planes(view, click, base(shown)), native), -MAX_LOG_ODDS, MAX_LOG_ODDS)
     return near_and_elsewhere(odds, view, click)
 
 

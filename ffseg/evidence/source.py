@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
@@ -38,6 +39,12 @@ MIN_START_RADIUS = 2.0
 """Pixels of the reduced image: a start that a model finds is not smaller."""
 
 
+FIRST_CIRCLES = 2
+"""A model is asked from so many circles, mostly its own start and a click; later ones correct what it says. With all of them
+each click changes the region everywhere: 4.8 % of 1650 clicks on drawings lose more than .02, for 2.6 % (6.6 clicks to an IoU
+of .85, for 6.8). With one, a start of the model's that is wrong stays in the way (7.0 clicks)."""
+
+
 def model_edges(scene: Scene) -> EdgeMap:
     """Edges where the model in ``edges.model`` falls to ``region.probability``: the source ``model``.
 
@@ -53,17 +60,22 @@ def model_edges(scene: Scene) -> EdgeMap:
         raise ParameterError("edges.source: model needs a model; set edges.model to a file")
     own = gradient(scene)
     if path.endswith(NETWORK_SUFFIX):
-        probability = _network_map(scene, path)
-    else:
-        probability = model_odds(ready(path)[0], scene.image, _before_clicks(scene), ready(path)[1])
-    return _edges(scene, probability, own, "model")
+        return _edges(scene, _network_map(scene, path), own, "model")
+    model, native = ready(path)
+
+    def ask(start: Mask) -> Plane:
+        return certain_odds(model_odds(model, scene.image, start, native))
+
+    return _edges(scene, model_odds(model, scene.image, _before_clicks(scene), native), own, "model", ask)
 
 
 def _before_clicks(scene: Scene) -> Mask:
-    """The start region; circles beside boxes are clicks that correct the region found in them."""
-    if not (scene.boxes and scene.params.init.circles):
+    """The start region; of several circles the first ones, which the others correct, and beside boxes the middles of these."""
+    if not scene.params.init.circles or scene.start_mask is not None:
         return start_core(scene)
-    return rasterize(middles(scene.params, scene.shape), scene.shape)
+    if scene.boxes:
+        return rasterize(middles(scene.params, scene.shape), scene.shape)
+    return start_core(replace(scene, starts=scene.starts[:FIRST_CIRCLES]))
 
 
 def model_odds(model: Model, image: Image, start: Mask, native: _core.EvidenceForest | None = None) -> Plane:
@@ -101,11 +113,13 @@ def map_edges(scene: Scene) -> EdgeMap:
     return _edges(scene, scene.evidence, gradient(scene), "evidence")
 
 
-def _edges(scene: Scene, values: Plane, own: EdgeMap, source: str) -> EdgeMap:
+def _edges(
+    scene: Scene, values: Plane, own: EdgeMap, source: str, ask: Callable[[Mask], Plane] | None = None
+) -> EdgeMap:
     if scene.params.edges.evidence == "edges":
         return strength_edges(values, own)
     if scene.has_hints:
-        return with_clicks(scene, own, certain_odds(values))
+        return with_clicks(scene, own, certain_odds(values), ask)
     return evidence_edges(at_level(values, scene.params.region.probability), own, source)
 
 
@@ -115,7 +129,8 @@ def with_model_start(image: Image, params: Parameters, background: Image | None 
     Notes
     -----
     The start is a disc in the largest region of which the model is sure without a start; if what is known to lie outside
-    lies in that, in what is left. A centre, boxes or a mask that are named take its place.
+    lies in that, the circles take its place or, without any, a disc in what is left. A centre, boxes or a mask that are named
+    take its place, too.
     """
     path, init = params.edges.model, params.init
     elsewhere = init.center != "auto" or init.boxes or init.mask
@@ -126,8 +141,15 @@ def with_model_start(image: Image, params: Parameters, background: Image | None 
     if circle is not None and (init.background or background is not None):
         outside = seeds(init.background, np.zeros(image.shape[:2], np.bool_), background)
         if (outside & rasterize([circle_start(circle, params)], outside.shape)).any():
-            circle = model_start(image, model, most, outside)
-    return params if circle is None else replace(params, init=replace(init, circles=(circle, *init.circles)))
+            circle = None if init.circles else model_start(image, model, most, outside)
+            if circle is None and not init.circles:
+                raise SegmentationError(
+                    "the model finds no start beside what is known to lie outside; add one, in init.circles"
+                )
+    if circle is None:
+        return params
+    later = tuple((*seed[:3], seed[3] + 1) if len(seed) == 4 else seed for seed in init.background)
+    return replace(params, init=replace(init, circles=(circle, *init.circles), background=later))
 
 
 def model_start(

@@ -47,8 +47,9 @@ def taken_image(image: object, rgb: bool = False, levels: Levels = "auto") -> Im
         As `checked_image`.
     """
     refuse_masked("image", image)
-    ends = ends_of(levels)
-    if ends is None and not (isinstance(levels, str) and levels == "auto"):
+    auto = isinstance(levels, str) and levels == "auto"
+    ends = None if auto else ends_of(levels)
+    if ends is None and not auto:
         raise SegmentationError(f'levels: {reprlib.repr(levels)} is not "auto" or (black, white), black below white')
     if isinstance(image, np.ndarray) and image.size:
         if ends is not None and image.dtype.kind in "iuf" and image.dtype != np.uint8 and np.isfinite(image).all():

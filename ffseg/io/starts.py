@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -21,7 +21,7 @@ PICKED = ["image", "kind", "x", "y", "radius", "right", "bottom", "value"]
 HEADERS = (["image", "x", "y"], ["image", "x", "y", "radius"], PICKED)
 KINDS = {
     "start": ("x", "y", "radius"),
-    "not": ("x", "y", "radius"),
+    "not": ("x", "y", "radius", "value"),
     "box": ("x", "y", "right", "bottom"),
     "model": (),
     "probability": ("value",),
@@ -45,8 +45,8 @@ class Start:
         Pixels; None leaves ``init.radius``.
     others : tuple of Start
         The circles of further rows, in their order; each without others.
-    background : tuple of (x, y) or (x, y, radius)
-        Points and circles outside the region.
+    background : tuple of (x, y), (x, y, radius) or (x, y, radius, after)
+        Points and circles outside the region, the last with the number of circles that were picked before it.
     boxes : tuple of (left, top, right, bottom)
         Each round an object: all outside is background.
     probability, clearance : float or None
@@ -113,9 +113,8 @@ class Start:
         rows: list[list[str | float | None]] = [
             [name, "start", one.x, one.y, one.radius, none, none, none] for one in self.circles
         ]
-        rows += [
-            [name, "not", x, y, radius[0] if radius else none, none, none, none] for x, y, *radius in self.background
-        ]
+        seeds = ([*seed, none, none][:4] for seed in self.background)
+        rows += [[name, "not", x, y, radius, none, none, after] for x, y, radius, after in seeds]
         rows += [[name, "box", left, top, none, right, bottom, none] for left, top, right, bottom in self.boxes]
         values = (("probability", self.probability), ("clearance", self.clearance))
         rows += [[name, kind, none, none, none, none, none, value] for kind, value in values if value is not None]
@@ -151,7 +150,8 @@ def load_starts(path: str | os.PathLike[str], images: Iterable[str], *, partial:
         CSV with the header ``image,x,y`` or ``image,x,y,radius``; rows in any order, rows of other images are ignored.
         ``image`` is the relative name with ``/``, with or without its suffix, as the tables of a run write it. An empty
         radius leaves ``init.radius``. Several rows of one image are several circles. With the header `PICKED` a row is
-        of one of the `KINDS`: a start, a point that lies outside, a box, or a value in place of a parameter.
+        of one of the `KINDS`: a start, a point that lies outside (its value, where it has one, is the number of starts that were
+        picked before it), a box, or a value in place of a parameter.
     images : iterable of str
         Relative names of the images that need a start.
     partial : bool
@@ -237,10 +237,9 @@ def _rows(text: str, name: str, problems: Problems) -> dict[str, _Row]:
             stray = [key for at, key in enumerate(PICKED[2:], 2) if cells[at] and at not in places]
             if stray:
                 problems.add(where, f"{stray[0]}: a row of the kind {kind} has none; leave it empty")
-        numbers = [_number(cells[at], at, where, problems) for at in places]
+        numbers = [_number(cells[at], at, kind, where, problems) for at in places]
         key, value = ((kind,), numbers[0]) if kind in LIMITS else ((kind, *numbers), None)
-        if value is not None and not LIMITS[kind][0] <= value <= LIMITS[kind][1]:
-            problems.add(where, f"value: a {kind} is from {LIMITS[kind][0]:g} to {LIMITS[kind][1]:g}, not {value:g}")
+        _check_value(kind, numbers, where, problems)
         if image not in rows_by_image:
             rows_by_image[image], lines[image] = {}, line
         elif key in rows_by_image[image]:
@@ -253,8 +252,18 @@ def _rows(text: str, name: str, problems: Problems) -> dict[str, _Row]:
 _RADIUS, _VALUE = PICKED.index("radius"), PICKED.index("value")
 
 
-def _number(word: str, at: int, where: str, problems: Problems) -> float | None:
-    if at == _RADIUS and not word:
+def _check_value(kind: str, numbers: Sequence[float | None], where: str, problems: Problems) -> None:
+    value = numbers[-1] if "value" in KINDS[kind] else None
+    if value is None:
+        return
+    if kind == "not" and (numbers[-2] is None or value < 0):
+        problems.add(where, "value: the number of starts before this row is 0 or more, and needs a radius beside it")
+    elif kind in LIMITS and not LIMITS[kind][0] <= value <= LIMITS[kind][1]:
+        problems.add(where, f"value: a {kind} is from {LIMITS[kind][0]:g} to {LIMITS[kind][1]:g}, not {value:g}")
+
+
+def _number(word: str, at: int, kind: str, where: str, problems: Problems) -> float | None:
+    if not word and (at == _RADIUS or (at == _VALUE and kind == "not")):
         return None
     value = finite(word, MAX_PIXELS)
     if math.isnan(value):

@@ -220,7 +220,7 @@ def for_clicks(seen: Sight, ask: Compiled, rng: np.random.Generator) -> list[Sam
         if clicks == before:
             break
         within = len(clicks.inside) > len(before.inside)
-        one = Click(*(clicks.inside if within else clicks.outside)[-1], within)
+        one = Click(*clicks.last(within), within)
         last = clicked.correction(state, clicked.disc(one), within, len(clicks.outside) == 1)
         inside, outside = clicks.regions(shape)
         own = prior.prior_view(seen.image, inside, ask) if within else own

@@ -70,8 +70,8 @@ class Picking:
         Returns
         -------
         dict
-            Of each image ``starts`` and ``nots`` (x, y, radius), ``boxes`` (left, top, right, bottom), all in pixels,
-            ``strokes``, ``probability``, ``clearance`` and ``status``.
+            Of each image ``starts`` (x, y, radius), ``nots`` (the same, and how many starts there were before), ``boxes``
+            (left, top, right, bottom), all in pixels, ``strokes``, ``probability``, ``clearance`` and ``status``.
         """
         tracks = self._project(label).journal.tracks
         return {name: asdict(track.now) for name, track in tracks.items() if track.version}

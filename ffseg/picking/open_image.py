@@ -10,6 +10,7 @@ import numpy as np
 
 from ffseg.api import segment
 from ffseg.arrays import Image, Mask
+from ffseg.enlargement import scaled_seed
 from ffseg.errors import FfsegError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.io.masks import NO_MASKS, Bounds, Masks
@@ -17,7 +18,7 @@ from ffseg.io.overlays import encode_jpeg
 from ffseg.io.snapshots import scaled_down
 from ffseg.io.starts import Start
 from ffseg.io.svg import path_data
-from ffseg.parameters import Parameters, Seed
+from ffseg.parameters import Parameters
 from ffseg.picking.picks import ImagePicks, paint_strokes
 from ffseg.pipeline import outlines_of
 from ffseg.starts.initial import start_contours
@@ -217,9 +218,7 @@ def scaled(start: Start, factor: float) -> Start:
         if c.x is not None and c.y is not None
     ]
     first = circles[0] if circles else Start()
-    background: tuple[Seed, ...] = tuple(
-        (at(x), at(y), radius[0] / factor) if radius else (at(x), at(y)) for x, y, *radius in start.background
-    )
+    background = tuple(scaled_seed(seed, at(seed[0]), at(seed[1]), factor) for seed in start.background)
     boxes = tuple((at(a), at(b), at(c), at(d)) for a, b, c, d in start.boxes)
     return replace(
         start, x=first.x, y=first.y, radius=first.radius, others=tuple(circles[1:]), background=background, boxes=boxes

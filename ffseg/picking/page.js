@@ -303,7 +303,7 @@ stage.addEventListener("pointerup", (event) => {
   else if (kind === "box" && done.box[2] - done.box[0] > 1 && done.box[3] - done.box[1] > 1) add("boxes", done.box);
   else if ((kind === "press" || kind === "not") && mark) void pick((now) => ({ [mark.kind]: without(now[mark.kind], mark.row) }));
   else if (kind === "press") add("starts", circle(point));
-  else if (kind === "not") add("nots", circle(point));
+  else if (kind === "not") void pick((now) => ({ nots: [...now.nots, [...circle(point), now.starts.length]] }));
 });
 stage.addEventListener("pointercancel", (event) => {
   if (lift(event)) return;

@@ -17,7 +17,7 @@ from ffseg.arrays import Array, Mask
 from ffseg.errors import OutputError, UsageError
 from ffseg.io.files import OWN, printable, unwritten
 from ffseg.io.starts import LIMITS, MAX_PIXELS, Start
-from ffseg.parameters import Box, Circle, Point
+from ffseg.parameters import Box, Circle, Point, Seed
 
 STATUSES = ("open", "accepted", "skipped")
 MAX_STARTS = 1000
@@ -52,8 +52,10 @@ class ImagePicks:
 
     Attributes
     ----------
-    starts, nots : tuple of (x, y, radius)
-        Circles inside and outside, pixels.
+    starts : tuple of (x, y, radius)
+        Circles inside, pixels.
+    nots : tuple of (x, y, radius) or (x, y, radius, after)
+        Circles outside, and how many starts there were before each.
     boxes : tuple of (left, top, right, bottom)
     strokes : tuple of Stroke
         Painted over what is found, in their order.
@@ -66,7 +68,7 @@ class ImagePicks:
     """
 
     starts: tuple[Circle, ...] = ()
-    nots: tuple[Circle, ...] = ()
+    nots: tuple[Seed, ...] = ()
     boxes: tuple[Box, ...] = ()
     strokes: tuple[Stroke, ...] = ()
     probability: float | None = None
@@ -115,9 +117,9 @@ class ImagePicks:
             if max(map(len, (starts, nots, boxes, strokes))) > MAX_STARTS:
                 raise ValueError(f"more than {MAX_STARTS} of one kind")
             picked = cls(
-                _rows(starts, 3),
-                _rows(nots, 3),
-                _rows(boxes, 4),
+                _rows(starts, {3}),
+                _rows(nots, {3, 4}),
+                _rows(boxes, {4}),
                 tuple(map(_stroke, strokes)),
                 _value(values.get("probability"), "probability"),
                 _value(values.get("clearance"), "clearance"),
@@ -140,10 +142,10 @@ def _number(value: object) -> float:
     return number
 
 
-def _rows(value: Any, length: int) -> Any:  # noqa: ANN401 - tuples of this length
+def _rows(value: Any, lengths: set[int]) -> Any:  # noqa: ANN401 - tuples of these lengths
     rows = tuple(tuple(_number(one) for one in row) for row in value)
-    if any(len(row) != length or (length == 3 and row[2] <= 0) for row in rows):
-        raise ValueError(f"a row needs {length} numbers")
+    if any(len(row) not in lengths or (3 in lengths and (row[2] <= 0 or min(row[3:], default=0) < 0)) for row in rows):
+        raise ValueError(f"a row needs {min(lengths)} numbers")
     return rows
 
 

@@ -217,8 +217,8 @@ class Row:
         order = f", {self.order}" if self.order else ""
         each = {part.allowed() for part in self.parts}
         ranges = f", each {each.pop()}" if len(each) == 1 else ""
-        short = f"[{', '.join(self.names[: self.fewest])}] or " if self.fewest else ""
-        return f"{short}[{', '.join(self.names)}]{ranges}{order}"
+        lengths = range(self.fewest or len(self.names), len(self.names) + 1)
+        return " or ".join(f"[{', '.join(self.names[:count])}]" for count in lengths) + ranges + order
 
     def json_schema(self) -> JsonSchema:
         count = len(self.parts)

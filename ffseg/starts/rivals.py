@@ -67,10 +67,10 @@ def seeds(points: Iterable[Seed], start: Mask, background: Image | None = None) 
     """
     shape = start.shape
     found = np.zeros(shape, np.bool_)
-    for column, row, *rest in points:
+    for column, row, *radius in points:
         if start[min(round(row), shape[0] - 1), min(round(column), shape[1] - 1)]:
             raise SegmentationError(SEED_IN_START)
-        add_disc(found, column, row, max([POINT_RADIUS, *rest]))
+        add_disc(found, column, row, max([POINT_RADIUS, *radius[:1]]))
     if background is not None:
         if (start & (background > 0)).any():
             raise SegmentationError(SEED_IN_START)

@@ -110,7 +110,7 @@ def _holds_edge(start: FreeForm, scene: Scene) -> bool:
     """Whether an edge lies in the box round a start: mostly none does, and that is known at once."""
     low, high = start.control_points.min(axis=0).tolist(), start.control_points.max(axis=0).tolist()
     columns, rows = (slice(int(max(a - 1, 0)), ceil(max(b + 2, 0))) for a, b in zip(low, high, strict=True))
-    return bool(scene.edges.edges[rows, columns].any())
+    return bool(np.count_nonzero(scene.edges.edges[rows, columns]))
 
 
 def _within(start: FreeForm, domain: Image) -> Mask:

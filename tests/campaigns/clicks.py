@@ -1,21 +1,22 @@
-"""How many clicks a region takes; run ``python -m tests.campaigns.clicks [--sealed] [--data DATA] [--out FILE]``.
+"""How many clicks a region takes; run ``python -m tests.campaigns.clicks [--sealed] [--learned N] [--data DATA] [--out FILE]``.
 
 A simulated user clicks first where the truth is deepest, then each time deepest in the largest error, inside
 (`init.circles`) or outside (`init.background`), with discs as `ffseg pick` makes them, no larger than the error is deep.
 Said of each set: mean IoU after 1, 2, 3, 5 and 10 clicks, clicks to an IoU of .80, .85 and .90 (at most 20 count), the
 share of clicks that lose more than .02, and the IoU with the box of the truth. Drawn kinds are held out from all that was
-grown or chosen; of photographs every second one is opened, the others with ``--sealed``.
+grown or chosen; of photographs every second one is opened, the others with ``--sealed``. With ``--learned N`` a model of N
+images of a set, as `ffseg pick` learns it, says first what lies inside in the others of the set, and the clicks correct that.
 """
 
 import csv
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from multiprocessing import get_context
 from pathlib import Path
 from statistics import mean, median
+from tempfile import TemporaryDirectory
 from time import process_time
 
 import cv2
@@ -24,11 +25,13 @@ from numpy.typing import NDArray
 
 import ffseg
 from ffseg.errors import FfsegError
+from ffseg.evidence.forest import to_bytes
 from ffseg.image.edges import edge_map
 from ffseg.io.images import single_thread
 from ffseg.learning.drawn.clicks import Clicks
 from ffseg.learning.drawn.sights import KINDS, sights
-from ffseg.metrics import INSIDE, iou
+from ffseg.learning.training import Example, learn, samples
+from ffseg.metrics import IGNORED, INSIDE, iou
 from ffseg.parameters import load_params
 from ffseg.picking.session import start_radius
 from tests.campaigns import harness
@@ -40,12 +43,12 @@ Mask = NDArray[np.bool_]
 
 UNSEEN = 400_000
 """Number of the first drawn picture: forests learned from the first ones, choices were made on others."""
-MOST, LEVELS, AFTER = 20, (0.80, 0.85, 0.90), (1, 2, 3, 5, 10)
+MOST, LEVELS, AFTER = 20, (0.80, 0.85, 0.90), (0, 1, 2, 3, 5, 10)
 LOSS = 0.02
 WIDE = 0.8
 """Part of a picture up to which the box of a truth says something."""
 BOXED = ("seeded_objects", "thing", "animal", "organ", "nuclei", "colony", "field")
-COLUMNS = ("set", "image", "half", "box", "ms", "edge_map_ms", *(f"iou_{n}" for n in range(1, MOST + 1)))
+COLUMNS = ("set", "image", "half", "box", "ms", "edge_map_ms", *(f"iou_{n}" for n in range(MOST + 1)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,25 +58,31 @@ class Task:
     half: int
     image: Picture
     truth: Picture
+    model: str | None = None
 
     def asked(self) -> list[object]:
         """Its row of the table: overlaps after each click, that of the box, and the median time of a click in ms."""
         single_thread()
-        overlaps, clicks, mask, spent = list[float](), Clicks(), np.zeros(self.truth.shape, bool), list[float]()
-        for number in range(MOST):
-            clicks = clicks.next(mask, self.truth, start_radius(self.truth.shape))
+        clicks, mask, spent = Clicks(), np.zeros(self.truth.shape, bool), list[float]()
+        if self.model is not None:
+            mask = found(self.image, clicks, model=self.model)
+        overlaps = [round(iou(mask, self.truth), 4)]
+        while len(overlaps) <= MOST and not (overlaps[-1] >= LEVELS[-1] and len(overlaps) > AFTER[-1]):
+            before, clicks = clicks, clicks.next(mask, self.truth, start_radius(self.truth.shape))
             begin = process_time()
-            with suppress(FfsegError):  # the page goes on showing what was there
-                mask = found(self.image, clicks)
+            try:
+                mask = found(self.image, clicks, model=self.model)
+            except FfsegError:  # the model has no other start: what is inside must be shown
+                known = np.where(mask & (self.truth != INSIDE), np.uint8(IGNORED), self.truth)
+                clicks = before.next(mask, known, start_radius(self.truth.shape))
+                mask = found(self.image, clicks, model=self.model)
             spent.append((process_time() - begin) * 1e3)
             overlaps.append(round(iou(mask, self.truth), 4))
-            if overlaps[-1] >= LEVELS[-1] and number + 1 >= AFTER[-1]:
-                break
         own = [harness.milliseconds(lambda: edge_map(self.image, load_params().edges)) for _ in range(3)]
         box = "" if self.folder not in BOXED else self._boxed()
         return [
             *(self.folder, self.name, self.half, box, round(median(spent), 1), round(min(own), 2)),
-            *(*overlaps, *[""] * (MOST - len(overlaps))),
+            *(*overlaps, *[""] * (MOST + 1 - len(overlaps))),
         ]
 
     def _boxed(self) -> float | str:
@@ -83,21 +92,41 @@ class Task:
         return round(iou(found(self.image, Clicks(), (x, y, width, height)), self.truth), 4)
 
 
-def found(image: Picture, clicks: Clicks, box: tuple[int, int, int, int] | None = None) -> Mask:
+def found(
+    image: Picture, clicks: Clicks, box: tuple[int, int, int, int] | None = None, model: str | None = None
+) -> Mask:
     params = load_params()
     init = replace(params.init, circles=clicks.inside, background=clicks.outside)
     if box is not None:
         x, y, width, height = box
         init = replace(init, boxes=((x - 0.5, y - 0.5, x + width - 0.5, y + height - 0.5),))
-    return ffseg.segment(image, replace(params, init=init)).mask
+    edges = replace(params.edges, model=model)
+    return ffseg.segment(image, replace(params, init=init, edges=edges)).mask
 
 
-def tasks(data: Path, count: int, first: int, sealed: bool, drawn_only: bool) -> Iterator[Task]:
+def after_learning(given: Iterable[Task], count: int, folder: Path) -> Iterator[Task]:
+    """Of each set, every so many images teach a model of the others."""
+    groups: dict[str, list[Task]] = {}
+    for one in given:
+        groups.setdefault(one.folder, []).append(one)
+    for name, group in groups.items():
+        for first in range(0, len(group) - count + 1, count):
+            taught = group[first : first + count]
+            radii = (start_radius(one.truth.shape) for one in taught)
+            chosen = [
+                samples(Example(one.image, one.truth, None, radius)) for one, radius in zip(taught, radii, strict=True)
+            ]
+            path = folder / f"{name.replace('/', '-')}-{first}.ffmodel"
+            path.write_bytes(to_bytes(learn(chosen)))
+            yield from (replace(one, model=str(path)) for one in group if one not in taught)
+
+
+def tasks(data: Path, count: int, first: int, sealed: bool) -> Iterator[Task]:
     for kind in KINDS if count else ():
         # every second look: two are at one picture
         for number, seen in enumerate(list(sights(kind, 2 * count, first))[::2]):
             yield Task(kind, f"{number}", 0, seen.image, seen.truth)
-    for one in load(data, () if drawn_only else SETS):
+    for one in load(data, SETS):
         if one.half == sealed:
             yield Task(one.folder, one.name, one.half, one.image, one.truth)
 
@@ -131,9 +160,9 @@ def _line(name: str, count: int, values: list[float | None]) -> str:
 def figures(rows: list[list[object]]) -> list[float | None]:
     """Mean overlaps, clicks, share of clicks that lose, overlap of boxes, and time in edge maps."""
     runs = [[float(str(cell)) for cell in row[6:] if cell != ""] for row in rows]
-    after = [mean(run[min(n, len(run)) - 1] for run in runs) for n in AFTER]
-    clicks = [mean(next((i + 1 for i, v in enumerate(run) if v >= level), MOST) for run in runs) for level in LEVELS]
-    steps = [b - a for run in runs for a, b in pairwise(run)]
+    after = [mean(run[min(n, len(run) - 1)] for run in runs) for n in AFTER]
+    clicks = [mean(next((i for i, v in enumerate(run) if v >= level), MOST) for run in runs) for level in LEVELS]
+    steps = [b - a for run in runs for a, b in pairwise(run if run[0] else run[1:])]
     boxes = [float(str(row[3])) for row in rows if row[3] != ""]
     lost = mean(step < -LOSS for step in steps) if steps else 0.0
     spent = median(float(str(row[4])) / float(str(row[5])) for row in rows)
@@ -141,13 +170,14 @@ def figures(rows: list[list[object]]) -> list[float | None]:
 
 
 def main(
-    data: Path = data_folder(), drawn: int = 4, first: int = UNSEEN, drawn_only: bool = False, sealed: bool = False,
+    data: Path = data_folder(), drawn: int = 4, first: int = UNSEEN, sealed: bool = False, learned: int = 0,
     jobs: int = 1, out: Path | None = None,
 ) -> None:  # fmt: skip
-    """Print the table; without the photographs, that of drawings."""
+    """Print the table; where there are no photographs, that of drawings."""
+    given = tasks(data, drawn, first, sealed)
     # not by fork: threads of OpenCV, which drawing has begun, end with it and leave their locks closed
-    with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
-        rows = list(pool.map(Task.asked, tasks(data, drawn, first, sealed, drawn_only)))
+    with ProcessPoolExecutor(jobs, get_context("spawn")) as pool, TemporaryDirectory() as folder:
+        rows = list(pool.map(Task.asked, after_learning(given, learned, Path(folder)) if learned else given))
     if out:
         with out.open("w", encoding="utf-8", newline="") as file:
             csv.writer(file).writerows([list(COLUMNS), *rows])

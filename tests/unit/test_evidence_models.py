@@ -14,7 +14,7 @@ from tiny_onnx import pointwise
 import ffseg
 from ffseg.errors import ParameterError, SegmentationError
 from ffseg.evidence.forest import Model, to_bytes
-from ffseg.evidence.source import check_model, model_start
+from ffseg.evidence.source import check_model, model_start, with_model_start
 from ffseg.metrics import iou
 from ffseg.parameters import load_params
 from tests.discs import disc_of
@@ -83,6 +83,44 @@ def test_a_start_that_is_found_lies_beside_what_was_clicked_outside(forest: str)
     assert not found.mask[disc(90, 50, 10)].any()
     found = ffseg.segment(image, {"edges.model": forest}, background=disc(90, 50, 27).view(np.uint8))
     assert iou(found.mask, as_truth(SMALL)) > 0.9
+
+
+def test_circles_take_the_place_of_a_start_of_the_model_that_lies_outside(forest: str) -> None:
+    own = {"edges.model": forest, "init.circles": [[25, 30, 4]]}
+    found = ffseg.segment(reddened(SMALL | LARGE), {**own, "init.background": [[90, 50, 6, 1]]})
+    assert iou(found.mask, as_truth(SMALL)) > 0.9
+
+
+def test_a_model_without_another_start_than_what_lies_outside_says_so(forest: str) -> None:
+    image = reddened(SMALL)
+    with pytest.raises(SegmentationError, match="the model finds no start beside what is known to lie outside"):
+        ffseg.segment(image, {"edges.model": forest}, background=disc(25, 30, 16).view(np.uint8))
+
+
+def test_points_come_after_the_start_that_a_model_finds(forest: str) -> None:
+    seeds = {"init.circles": [[25, 30, 4]], "init.background": [[60, 5, 3, 1], [60, 90]]}
+    params = with_model_start(reddened(SMALL | LARGE), ffseg.load_params(None, {"edges.model": forest, **seeds}))
+    assert len(params.init.circles) == 2
+    assert params.init.background == ((60, 5, 3, 2), (60, 90))
+
+
+def test_a_model_is_asked_from_the_first_circles_and_each_click_from_all_until_then(
+    forest: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = list[list[bool]]()
+    circles = [(30, 30, 4), (90, 50, 4), (90, 70, 4), (70, 50, 4)]
+
+    def said(_model: object, image: np.ndarray, start: np.ndarray, _native: object) -> np.ndarray:
+        asked.append([bool(start[y, x]) for x, y, _ in circles])
+        return np.where(SMALL | LARGE, np.float32(0.9), np.float32(0.1))
+
+    monkeypatch.setattr("ffseg.evidence.source.model_odds", said)
+    noise = np.random.default_rng(0).integers(0, 20, (*SMALL.shape, 3), np.uint8)
+    params = {"edges.model": forest, "init.circles": circles, "init.center": [30, 30]}
+    ffseg.segment(reddened(SMALL | LARGE) + noise, params)
+    first, *others = asked
+    assert first == [True, True, False, False]
+    assert [sum(one) for one in others] == [2, 3, 4]
 
 
 def test_a_start_that_is_named_is_kept(forest: str) -> None:

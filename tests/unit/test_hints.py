@@ -2,6 +2,7 @@
 
 from collections import OrderedDict
 from statistics import mean
+from typing import cast
 from unittest.mock import Mock
 
 import numpy as np
@@ -53,7 +54,9 @@ def test_every_click_holds(kind: str) -> None:
 
 def assert_held(clicks: Clicks, found: Segmentation) -> None:
     """But for a rim of a pixel and a half: the contour settles on an edge that near."""
-    inside, outside = (tuple((x, y, max(r - 1.5, 0.5)) for x, y, r in side) for side in (clicks.inside, clicks.outside))
+    inside, outside = (
+        tuple((x, y, max(radius - 1.5, 0.5)) for x, y, radius, *_ in side) for side in (clicks.inside, clicks.outside)
+    )
     assert found.mask[disc_mask(inside, found.mask.shape)].all()
     assert not found.mask[disc_mask(outside, found.mask.shape)].any()
 
@@ -179,6 +182,24 @@ def test_of_circles_and_points_the_one_deeper_in_what_is_wrong_counts_first(monk
     assert known == [(False, True), (True, True), (False, False), (False, True), (True, True)]
 
 
+@pytest.mark.parametrize(("after", "order"), [(0, "-++"), (1, "+-+"), (2, "++-")])
+def test_points_that_say_after_how_many_circles_they_came_keep_their_place(
+    monkeypatch: pytest.MonkeyPatch, after: float, order: str
+) -> None:
+    said = np.where(np.arange(240) < 120, np.float32(3), np.float32(-3))[None].repeat(120, axis=0)
+    found = list[str]()
+
+    def shown(*given: object) -> object:
+        click = cast(hints.Correction, given[3])
+        found.append("+" if click.inside else "-")
+        return click.before, click.before
+
+    monkeypatch.setattr("ffseg.evidence.hints.hints", shown)
+    circles = [Click(200.0, 60.0, 4.0, True, 0), Click(130.0, 60.0, 4.0, True, 1)]
+    told(said, circles, [Click(60.0, 60.0, 4.0, False, after)])  # of depths 80, 10 and 60
+    assert "".join(found) == order
+
+
 def test_a_part_that_a_click_outside_cuts_off_stays_if_it_is_as_deep(monkeypatch: pytest.MonkeyPatch) -> None:
     said = np.full((120, 240), np.float32(-3))
     said[40:80] = 3
@@ -220,6 +241,15 @@ def test_one_click_more_asks_the_forest_once_more(monkeypatch: pytest.MonkeyPatc
     clicks = [Click(x, 60.0, 4.0, True) for x in (60.0, 120.0, 180.0)]
     for number in (1, 2, 3, 3):
         told(said, clicks[:number])
+    assert forest.call_count == 3
+
+
+def test_one_more_of_clicks_in_order_asks_the_forest_once_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    said = np.where(np.arange(240) < 44, np.float32(3), np.float32(-3))[None].repeat(120, axis=0)
+    forest = shows(monkeypatch, 5.0, -5.0, 4.0)
+    circles = [Click(60.0, 60.0, 4.0, True, 0), Click(200.0, 60.0, 4.0, True, 1)]  # the second is the deepest of all
+    for count, points in ((1, []), (1, [Click(30.0, 20.0, 4.0, False, 1)]), (2, [Click(30.0, 20.0, 4.0, False, 1)])):
+        told(said, circles[:count], points)
     assert forest.call_count == 3
 
 

@@ -80,7 +80,7 @@ BAD = [
     None, [], "x", {"starts": [[1, 2]]}, {"starts": [[1, 2, 0]]}, {"starts": [[1, 2, float("nan")]]}, {"boxes": [[1, 2, 3]]},
     {"starts": [[1, 2, 1e9]]}, {"strokes": [{"inside": True, "radius": 3, "points": []}]}, {"strokes": [{}]},
     {"nots": [[1, 2, 3]] * 1001}, {"status": "done"}, {"probability": "x"}, {"strokes": 3}, {"status": []},
-    {"starts": [[10**400, 1, 1]]},
+    {"starts": [[10**400, 1, 1]]}, {"starts": [[1, 2, 3, 0]]}, {"nots": [[1, 2, 3, -1]]}, {"nots": [[1, 2, 3, 0, 0]]},
 ]  # fmt: skip
 
 
@@ -134,7 +134,7 @@ def test_a_click_takes_the_disc_and_a_run_takes_the_same(tmp_path: Path, ffseg_c
     with session(folder, out) as own:
         own.change(0, 0, 0, "pick", picked(LEFT))
         own.change(0, 0, 1, "pick", picked(LEFT, status="accepted"))
-        boxed = picked(LEFT, RIGHT, nots=[[80, 10, 5]], probability=0.4, status="accepted")
+        boxed = picked(LEFT, RIGHT, nots=[[80, 10, 5], [10, 70, 5, 1]], probability=0.4, status="accepted")
         own.change(0, 1, 0, "pick", boxed)
     masks = [mask_of(out / "masks" / name) for name in ("a.png", "sub/b.png")]
     assert overlap(masks[0], disc(LEFT)) > 0.95

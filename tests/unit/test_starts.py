@@ -215,10 +215,10 @@ def test_images_that_cannot_be_tried_need_no_start(tmp_path: Path) -> None:
 
 def test_other_kinds_of_rows_are_what_was_picked_and_are_written_as_they_are_read(tmp_path: Path) -> None:
     head = "image,kind,x,y,radius,right,bottom,value"
-    a = "a,start,1,2,7,,,\na,start,3,4,,,,\na,not,5,6,,,,\na,not,7,8,2,,,\na,box,1,2,,30,40,\n"
+    a = "a,start,1,2,7,,,\na,start,3,4,,,,\na,not,5,6,,,,\na,not,7,8,2,,,1\na,box,1,2,,30,40,\n"
     path = write(tmp_path, f"{head}\n{a}b,probability,,,,,,.3\nb,clearance,,,,,,5\nb,model,,,,,,\n")
     found = load_starts(path, ["a", "b"])
-    background = ((5.0, 6.0), (7.0, 8.0, 2.0))
+    background = ((5.0, 6.0), (7.0, 8.0, 2.0, 1.0))
     assert found["a"] == Start(1, 2, 7, (Start(3, 4),), background, ((1.0, 2.0, 30.0, 40.0),))
     assert found["b"] == Start(probability=0.3, clearance=5, found=True)
     assert load_starts(write(tmp_path, starts_table(found)), ["a", "b"]) == found
@@ -244,6 +244,8 @@ def test_other_kinds_of_rows_are_what_was_picked_and_are_written_as_they_are_rea
         ("a,probability,,,,,,1.3", r":2: value: a probability is from 0.01 to 0.99, not 1.3"),
         ("a,clearance,,,,,,-2", r":2: value: a clearance is from 0 to 1000, not -2"),
         ("a,not,1,2,,,,\na,not,1,2,,,,", r":3: 'a' has a row for this not already"),
+        ("a,not,1,2,,,,1", r":2: value: the number of starts before this row .* needs a radius"),
+        ("a,not,1,2,3,,,-1", r":2: value: the number of starts before this row is 0 or more"),
     ],
 )
 def test_rows_of_other_kinds_are_refused_by_line(row: str, said: str, tmp_path: Path) -> None:
