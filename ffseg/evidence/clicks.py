@@ -261,18 +261,19 @@ def state_after_all(clicked: ClickedImage, circles: Sequence[Click], points: Seq
     while state is not None and any(lines):
         left = [line for line in lines if line]
         next_ones = [clicked.correction(state, clicked.disc(line[0]), line[0].inside, first_outside) for line in left]
-        at = max(range(len(left)), key=lambda side: (_precedes(left, side), next_ones[side].depth))
+        at = _next_side([line[0] for line in left], [one.depth for one in next_ones])
         done = (*done, left[at].pop(0))
         first_outside &= done[-1].inside
         state = _remembered((digest, *done), partial(_state_after, clicked, state, done, next_ones[at]))
     return state
 
 
-def _precedes(left: Sequence[Sequence[Click]], side: int) -> bool:
-    """Whether the next click of a side is known to come before that of the other side."""
-    if len(left) < 2 or left[1][0].after is None or left[0][0].after is None:
-        return False
-    return (left[0][0].after < left[1][0].after) == (side == 0)
+def _next_side(next_ones: Sequence[Click], depths: Sequence[float]) -> int:
+    """Which of the next clicks comes first, as a circle and a point say; if they do not, the one deeper in the error."""
+    circle, point = next_ones[0], next_ones[-1]
+    if circle.inside and not point.inside and circle.after is not None and point.after is not None:
+        return int(circle.after >= point.after)
+    return depths.index(max(depths))
 
 
 _known: OrderedDict[tuple[bytes | Click, ...], ClickState | None] = OrderedDict()

@@ -38,7 +38,6 @@ MAX_NETWORK_BYTES = 1 << 30
 MIN_START_RADIUS = 2.0
 """Pixels of the reduced image: a start that a model finds is not smaller."""
 
-
 FIRST_CIRCLES = 2
 """A model is asked from so many circles, mostly its own start and a click; later ones correct what it says. With all of them
 each click changes the region everywhere: 4.8 % of 1650 clicks on drawings lose more than .02, for 2.6 % (6.6 clicks to an IoU
@@ -126,6 +125,11 @@ def _edges(
 def with_model_start(image: Image, params: Parameters, background: Image | None = None) -> Parameters:
     """The parameters with the start that a model finds, if any; further circles given in them follow it.
 
+    Raises
+    ------
+    SegmentationError
+        If it lies outside, no circle is given, and the model finds no other.
+
     Notes
     -----
     The start is a disc in the largest region of which the model is sure without a start; if what is known to lie outside
@@ -141,8 +145,10 @@ def with_model_start(image: Image, params: Parameters, background: Image | None 
     if circle is not None and (init.background or background is not None):
         outside = seeds(init.background, np.zeros(image.shape[:2], np.bool_), background)
         if (outside & rasterize([circle_start(circle, params)], outside.shape)).any():
-            circle = None if init.circles else model_start(image, model, most, outside)
-            if circle is None and not init.circles:
+            if init.circles:
+                return params
+            circle = model_start(image, model, most, outside)
+            if circle is None:
                 raise SegmentationError(
                     "the model finds no start beside what is known to lie outside; add one, in init.circles"
                 )
