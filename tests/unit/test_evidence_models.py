@@ -116,11 +116,13 @@ def test_a_model_is_asked_from_the_first_circles_and_each_click_from_all_until_t
 
     monkeypatch.setattr("ffseg.evidence.source.model_odds", said)
     noise = np.random.default_rng(0).integers(0, 20, (*SMALL.shape, 3), np.uint8)
-    params = {"edges.model": forest, "init.circles": circles, "init.center": [30, 30]}
-    ffseg.segment(reddened(SMALL | LARGE) + noise, params)
+    image, params = reddened(SMALL | LARGE) + noise, {"edges.model": forest, "init.center": [30, 30]}
+    ffseg.segment(image, {**params, "init.circles": circles[:3]})
     first, *others = asked
     assert first == [True, True, False, False]
-    assert [sum(one) for one in others] == [2, 3, 4]
+    assert [sum(one) for one in others] == [2, 3]
+    ffseg.segment(image.copy(), {**params, "init.circles": circles})
+    assert asked[3:] == [[True] * 4], "what was said before is kept"
 
 
 def test_a_start_that_is_named_is_kept(forest: str) -> None:
