@@ -112,7 +112,7 @@ def after_learning(given: Iterable[Task], count: int, folder: Path) -> Iterator[
     for name, group in groups.items():
         for first in range(0, len(group) - count + 1, count):
             taught = group[first : first + count]
-            radii = (start_radius(one.truth.shape) for one in taught)
+            radii = (load_params().init.radius_in(one.truth.shape) for one in taught)  # as `ffseg learn` has them
             chosen = [
                 samples(Example(one.image, one.truth, None, radius)) for one, radius in zip(taught, radii, strict=True)
             ]
