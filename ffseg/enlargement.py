@@ -69,20 +69,20 @@ def _placed(init: Init, factor: int) -> Init:
         radius="auto" if init.radius == "auto" else init.radius / factor,
         circles=tuple((*_point((x, y), factor), radius / factor) for x, y, radius in init.circles),
         boxes=tuple((*_point((x0, y0), factor), *_point((x1, y1), factor)) for x0, y0, x1, y1 in init.boxes),
-        background=tuple(scaled_seed(one, *_point(one[:2], factor), factor) for one in init.background),
+        background=tuple(scaled_seed(one, factor) for one in init.background),
     )
 
 
-def scaled_seed(seed: Seed, x: float, y: float, factor: float) -> Seed:
-    """A seed at another place, in a picture smaller by this factor."""
-    return cast(Seed, (x, y, *(radius / factor for radius in seed[2:3]), *seed[3:]))
+def scaled_seed(seed: Seed, factor: float) -> Seed:
+    """A seed in a picture smaller by this factor."""
+    return cast(Seed, (*_point(seed[:2], factor), *(radius / factor for radius in seed[2:3]), *seed[3:]))
 
 
-def _point(point: tuple[float, float], factor: int) -> tuple[float, float]:
+def _point(point: tuple[float, float], factor: float) -> tuple[float, float]:
     return _small(point[0], factor), _small(point[1], factor)
 
 
-def _small(place: float, factor: int) -> float:
+def _small(place: float, factor: float) -> float:
     """A coordinate in the original: pixels begin half a pixel before their centres."""
     return (place + 0.5) / factor - 0.5
 

@@ -9,11 +9,9 @@ many circles they came; otherwise the one deeper in the present error is applied
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from hashlib import blake2b
 
 import numpy as np
 
@@ -24,6 +22,7 @@ from ffseg.evidence.gradient import gradient
 from ffseg.evidence.hints import HELD_RADIUS
 from ffseg.evidence.maps import log_odds, odds_edges
 from ffseg.evidence.prior import MAX_LOG_ODDS
+from ffseg.evidence.recent import Recent, digest_of
 from ffseg.evidence.surroundings import STRIDE, strided
 from ffseg.image.edges import EdgeMap
 from ffseg.image.free import distances
@@ -142,14 +141,9 @@ class ClickedImage:
         return inside, outside & ~inside
 
     @cached_property
-    def digest(self) -> bytes:
+    def key(self) -> tuple[float, bytes]:
         """Equal for what is equal."""
-        parts = (self.image, self.inside, self.outside, self.base, self.within)
-        found = blake2b(repr((self.image.shape, self.level, [part is None for part in parts])).encode(), digest_size=16)
-        for part in parts:
-            if part is not None:
-                found.update(np.ascontiguousarray(part).data)
-        return found.digest()
+        return self.level, digest_of(self.image, self.inside, self.outside, self.base, self.within)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -255,8 +249,8 @@ def _first(scene: Scene, inside: Mask) -> tuple[Mask, list[Click]]:
 
 def state_after_all(clicked: ClickedImage, circles: Sequence[Click], points: Sequence[Click]) -> ClickState | None:
     """The state after all clicks, ordered on each side; None if both sides show the same colours and there is no base."""
-    digest, done, lines = clicked.digest, tuple[Click, ...](), [list(circles), list(points)]
-    state = _remembered((digest,), partial(_state_before, clicked))
+    done, lines = tuple[Click, ...](), [list(circles), list(points)]
+    state = _states.get((clicked.key,), partial(_state_before, clicked))
     first_outside = not clicked.outside.any()
     while state is not None and any(lines):
         left = [line for line in lines if line]
@@ -264,7 +258,7 @@ def state_after_all(clicked: ClickedImage, circles: Sequence[Click], points: Seq
         at = _next_side([line[0] for line in left], [one.depth for one in next_ones])
         done = (*done, left[at].pop(0))
         first_outside &= done[-1].inside
-        state = _remembered((digest, *done), partial(_state_after, clicked, state, done, next_ones[at]))
+        state = _states.get((clicked.key, *done), partial(_state_after, clicked, state, done, next_ones[at]))
     return state
 
 
@@ -276,29 +270,16 @@ def _next_side(next_ones: Sequence[Click], depths: Sequence[float]) -> int:
     return depths.index(max(depths))
 
 
-_known: OrderedDict[tuple[bytes | Click, ...], ClickState | None] = OrderedDict()
-
-
-def _remembered(key: tuple[bytes | Click, ...], make: Callable[[], ClickState | None]) -> ClickState | None:
-    try:
-        found = _known.pop(key)
-    except KeyError:
-        found = make()
-    _known[key] = found
-    if len(_known) > CACHED_STATES:
-        _known.popitem(last=False)
-    return found
-
-
-_viewed: dict[bytes, tuple[Mask, prior.PriorView]] = {}
+_states = Recent[ClickState | None](CACHED_STATES)
+_viewed: dict[tuple[float, bytes], tuple[Mask, prior.PriorView]] = {}
 
 
 def _view(clicked: ClickedImage, inside: Mask) -> prior.PriorView:
     """The prior's view from a region; the last one is kept, as clicks outside do not change it."""
-    last = _viewed.get(clicked.digest)
+    last = _viewed.get(clicked.key)
     if last is None or not np.array_equal(last[0], inside):
         _viewed.clear()
-        _viewed[clicked.digest] = last = inside, prior.prior_view(clicked.image, inside)
+        _viewed[clicked.key] = last = inside, prior.prior_view(clicked.image, inside)
     return last[1]
 
 

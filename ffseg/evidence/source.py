@@ -5,8 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import replace
-from functools import lru_cache
-from hashlib import blake2b
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -20,6 +19,7 @@ from ffseg.evidence.forest import Compiled, Model, load_model
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import LEVEL, at_level, certain_odds, evidence_edges, strength_edges
 from ffseg.evidence.prior import prior
+from ffseg.evidence.recent import Recent, digest_of
 from ffseg.image.checked import require_size
 from ffseg.image.edges import EdgeMap
 from ffseg.image.parts import connected_parts
@@ -50,20 +50,7 @@ each click changes the region everywhere: 4.8 % of 1650 clicks on drawings lose 
 of .85, for 6.8). With one, a start of the model's that is wrong stays in the way (7.0 clicks)."""
 
 
-class ByContent:
-    """An array that equals others of the same content, shape and type, so that what follows from it can be kept."""
-
-    def __init__(self, array: NDArray[Any]) -> None:
-        self.array = array
-        content = blake2b(repr((array.shape, array.dtype)).encode(), digest_size=16)
-        content.update(np.ascontiguousarray(array).data)
-        self._digest = content.digest()
-
-    def __hash__(self) -> int:
-        return hash(self._digest)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, ByContent) and self._digest == other._digest
+_answers = Recent[Any](CACHED_ANSWERS)
 
 
 def model_edges(scene: Scene) -> EdgeMap:
@@ -83,25 +70,20 @@ def model_edges(scene: Scene) -> EdgeMap:
     if path.endswith(NETWORK_SUFFIX):
         return _edges(scene, _network_map(scene, path), own, "model")
 
-    def ask(start: Mask) -> Plane:
-        return certain_odds(_asked(path, scene.image, start))
-
-    return _edges(scene, _asked(path, scene.image, _before_clicks(scene)), own, "model", ask)
-
-
-def _asked(path: str, image: Image, start: Mask) -> Plane:
-    """What a model says; of images that the hand is followed on the last answers are kept."""
-    if start.size > MAX_CACHED_PIXELS:
-        return model_odds(ready(path)[0], image, start, ready(path)[1])
-    return _answer(path, _mark(path), ByContent(image), ByContent(start))
-
-
-@lru_cache(maxsize=CACHED_ANSWERS)
-def _answer(path: str, _mark: tuple[int, int, int], image: ByContent, start: ByContent) -> Plane:
     model, native = ready(path)
-    found = model_odds(model, image.array, start.array, native)
-    found.setflags(write=False)
-    return found
+
+    def say(start: Mask) -> Plane:
+        make = partial(model_odds, model, scene.image, start, native)
+        return _kept(path, (scene.image, start), None, make) if scene.has_hints else make()
+
+    return _edges(scene, say(_before_clicks(scene)), own, "model", lambda start: certain_odds(say(start)))
+
+
+def _kept(path: str, arrays: tuple[NDArray[Any], ...], number: float | None, make: Callable[[], Any]) -> Any:  # noqa: ANN401 - as made
+    """What a model says of an image and what belongs to it; of small ones the last answers are kept."""
+    if arrays[0].shape[0] * arrays[0].shape[1] > MAX_CACHED_PIXELS:
+        return make()
+    return _answers.get((path, _mark(path), number, digest_of(*arrays)), make)
 
 
 def _before_clicks(scene: Scene) -> Mask:
@@ -177,7 +159,8 @@ def with_model_start(image: Image, params: Parameters, background: Image | None 
     if path is None or elsewhere or not path.endswith(FOREST_SUFFIX):
         return params
     model, most = ready(path)[0], init.radius_in(image.shape)
-    circle = _first_start(path, image, most)
+    find = partial(model_start, image, model, most)
+    circle = _kept(path, (image,), most, find) if init.circles or init.background else find()
     if circle is not None and (init.background or background is not None):
         outside = seeds(init.background, np.zeros(image.shape[:2], np.bool_), background)
         if (outside & rasterize([circle_start(circle, params)], outside.shape)).any():
@@ -192,18 +175,6 @@ def with_model_start(image: Image, params: Parameters, background: Image | None 
         return params
     later = tuple((*seed[:3], seed[3] + 1) if len(seed) == 4 else seed for seed in init.background)
     return replace(params, init=replace(init, circles=(circle, *init.circles), background=later))
-
-
-def _first_start(path: str, image: Image, most: float) -> tuple[float, float, float] | None:
-    """The start that a model finds where nothing is known; kept as its answers are."""
-    if image.shape[0] * image.shape[1] > MAX_CACHED_PIXELS:
-        return model_start(image, ready(path)[0], most)
-    return _start(path, _mark(path), ByContent(image), most)
-
-
-@lru_cache(maxsize=CACHED_ANSWERS)
-def _start(path: str, _mark: tuple[int, int, int], image: ByContent, most: float) -> tuple[float, float, float] | None:
-    return model_start(image.array, ready(path)[0], most)
 
 
 def model_start(

@@ -218,7 +218,7 @@ def scaled(start: Start, factor: float) -> Start:
         if c.x is not None and c.y is not None
     ]
     first = circles[0] if circles else Start()
-    background = tuple(scaled_seed(seed, at(seed[0]), at(seed[1]), factor) for seed in start.background)
+    background = tuple(scaled_seed(seed, factor) for seed in start.background)
     boxes = tuple((at(a), at(b), at(c), at(d)) for a, b, c, d in start.boxes)
     return replace(
         start, x=first.x, y=first.y, radius=first.radius, others=tuple(circles[1:]), background=background, boxes=boxes

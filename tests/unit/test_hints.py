@@ -1,6 +1,5 @@
 """What clicks say of an image: where they lie holds, and what they show of both sides teaches the evidence."""
 
-from collections import OrderedDict
 from statistics import mean
 from typing import cast
 from unittest.mock import Mock
@@ -13,6 +12,7 @@ import ffseg
 from ffseg.evidence import clicks as evidence
 from ffseg.evidence import hints, prior
 from ffseg.evidence.clicks import Click, ClickedImage, ClickState, state_after_all
+from ffseg.evidence.recent import Recent
 from ffseg.learning.drawn.clicks import Clicks, disc_mask
 from ffseg.learning.drawn.sights import Sight, sights
 from ffseg.metrics import INSIDE, iou
@@ -26,7 +26,7 @@ UNSEEN = 300_000
 @pytest.fixture(autouse=True)
 def _nothing_is_remembered(monkeypatch: pytest.MonkeyPatch) -> None:
     """What a test tells a forest to show is no answer to another's click."""
-    monkeypatch.setattr(evidence, "_known", OrderedDict())
+    monkeypatch.setattr(evidence, "_states", Recent(evidence.CACHED_STATES))
     monkeypatch.setattr(evidence, "_viewed", {})
 
 
