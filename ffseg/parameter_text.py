@@ -101,7 +101,7 @@ def _object_schema(section: type[Section], all_leaves: dict[str, Leaf], prefix: 
     for name, inner in subsections(section).items():
         properties[name] = _object_schema(inner, all_leaves, f"{prefix}{name}.")
     return {
-        "type": "object",
+        "type": ["object", "null"],  # a section, or a file, may be empty
         "description": _first_line(section),
         "additionalProperties": False,
         "properties": properties,

@@ -29,6 +29,7 @@ from ffseg.evidence.prior import prior
 from ffseg.image.exposure import normalised_exposure
 from ffseg.metrics import IGNORED, INSIDE, OUTSIDE
 from ffseg.plugins import require
+from ffseg.starts.initial import click_radius
 
 LIGHTGBM = "lightgbm", "learning needs LightGBM", "learn"
 """What grows forests, as `require` takes it."""
@@ -36,6 +37,11 @@ LIGHTGBM = "lightgbm", "learning needs LightGBM", "learn"
 STARTS = 5
 """Starts from which each training image is seen: its own, and others drawn inside its mask, so that the forest learns
 what holds from any start."""
+
+CLICKS = 2
+"""So many of them are as small as clicks (`click_radius`), from which a model is asked as well. Models of five roads, and of
+three floors, reach an IoU of .85 after 1.7 and 1.9 clicks in place of 2.1 and 2.4 on photographs at even places, 1.7 and 3.0 for
+2.1 and 3.7 at odd ones; drawings do not tell (-.1, -.3 and +.4 clicks of 5 on 110 each, errors .2)."""
 
 PIXELS = 6000
 """Pixels taken of an image; neighbours say nearly the same."""
@@ -110,7 +116,7 @@ class Example:
     start : ndarray of bool, shape (H, W), or None
         The start region; without one, starts are drawn.
     radius : float
-        px; of the starts that are drawn.
+        px; of the starts that are drawn, but for those that are as small as clicks.
     """
 
     image: Image
@@ -177,19 +183,25 @@ def _chosen(known: NDArray[np.int8], rng: np.random.Generator) -> Indices:
 
 
 def starts_in(example: Example, rng: np.random.Generator) -> list[Mask]:
-    """The start of an image, and others drawn inside its mask."""
+    """The start of an image, and others drawn inside its mask, the last ones as small as clicks."""
     own = [] if example.start is None else [example.start]
     inside = example.truth == INSIDE
-    radius = example.radius
+    small = min(click_radius(inside.shape), example.radius)
+    large = _discs_inside(inside, example.radius, STARTS - CLICKS - len(own), rng)
+    return own + large + _discs_inside(inside, small, CLICKS, rng)
+
+
+def _discs_inside(inside: Mask, radius: float, count: int, rng: np.random.Generator) -> list[Mask]:
+    """Discs drawn inside a mask, smaller than asked for where it has no room; none if it is empty."""
     places = np.argwhere(_windows_inside(inside, radius))
     while not len(places) and radius >= 1:
         radius /= 2
         places = np.argwhere(_windows_inside(inside, radius))
     if not len(places):
-        return own
-    rows, columns = np.indices(inside.shape, sparse=True)
-    drawn = places[rng.integers(0, len(places), STARTS - len(own))]
-    return own + [(rows - y) ** 2 + (columns - x) ** 2 <= radius**2 for y, x in drawn]
+        return []
+    rows, columns = np.ogrid[: inside.shape[0], : inside.shape[1]]
+    drawn = places[rng.integers(0, len(places), count)]
+    return [(rows - y) ** 2 + (columns - x) ** 2 <= radius**2 for y, x in drawn]
 
 
 def _windows_inside(inside: Mask, radius: float) -> Mask:

@@ -37,6 +37,7 @@ from ffseg.picking.project import REGIONS, RUN, STARTS, Project, size_of
 from ffseg.pipeline import outlines_of
 from ffseg.plugins import check_source
 from ffseg.schema.kinds import names_code
+from ffseg.starts.initial import click_radius
 
 MAX_OPEN = 3
 """Images that are held decoded: the one that is picked in, the one before and the one after."""
@@ -240,7 +241,7 @@ class Session:
             "picture": "" if problem else self.picture_address(index),
             "width": width,
             "height": height,
-            "radius": start_radius((height, width)),
+            "radius": click_radius((height, width)),
             "probability": self.projects[label].params.region.probability,
             "clearance": self.projects[label].params.contour.clearance,
         }
@@ -427,8 +428,3 @@ def settings_of(folder: str | os.PathLike[str]) -> list[str]:
     if params.edges.source == "evidence":  # of maps that are not known here
         params = replace(params, edges=replace(params.edges, source="auto"))
     return as_settings(params)
-
-
-def start_radius(shape: tuple[int, int]) -> float:
-    """Pixels: the radius of a click's circle, a hundredth of the longer side."""
-    return max(2.0, round(max(shape) / 100, 1))

@@ -19,6 +19,15 @@ MIDDLE_RADIUS_FRACTION = 0.25
 offers no better place."""
 
 
+CLICK_RADIUS_FRACTION, MIN_CLICK_RADIUS = 0.01, 2.0
+"""Radius of the disc that a click in `ffseg pick` stands for, as a fraction of the longer side; at least so many pixels."""
+
+
+def click_radius(shape: tuple[int, ...]) -> float:
+    """Radius of a click's disc in an image of shape (H, W, ...), px."""
+    return max(MIN_CLICK_RADIUS, round(CLICK_RADIUS_FRACTION * max(shape[:2]), 1))
+
+
 def start_contours(
     shape: tuple[int, int],
     params: Parameters,

@@ -33,7 +33,7 @@ from ffseg.learning.drawn.sights import KINDS, sights
 from ffseg.learning.training import Example, learn, samples
 from ffseg.metrics import IGNORED, INSIDE, iou
 from ffseg.parameters import load_params
-from ffseg.picking.session import start_radius
+from ffseg.starts.initial import click_radius
 from tests.campaigns import harness
 from tests.campaigns.real_images import SETS, load
 from tests.real_data import data_folder
@@ -68,13 +68,13 @@ class Task:
             mask = found(self.image, clicks, model=self.model)
         overlaps = [round(iou(mask, self.truth), 4)]
         while len(overlaps) <= MOST and not (overlaps[-1] >= LEVELS[-1] and len(overlaps) > AFTER[-1]):
-            before, clicks = clicks, clicks.next(mask, self.truth, start_radius(self.truth.shape))
+            before, clicks = clicks, clicks.next(mask, self.truth, click_radius(self.truth.shape))
             begin = process_time()
             try:
                 mask = found(self.image, clicks, model=self.model)
             except FfsegError:  # the model has no other start: what is inside must be shown
                 known = np.where(mask & (self.truth != INSIDE), np.uint8(IGNORED), self.truth)
-                clicks = before.next(mask, known, start_radius(self.truth.shape))
+                clicks = before.next(mask, known, click_radius(self.truth.shape))
                 mask = found(self.image, clicks, model=self.model)
             spent.append((process_time() - begin) * 1e3)
             overlaps.append(round(iou(mask, self.truth), 4))

@@ -13,10 +13,12 @@ from ffseg.evidence.openings import OPENING_FEATURES
 from ffseg.evidence.source import model_odds
 from ffseg.learning.learn import uncertainty
 from ffseg.learning.training import (
+    CLICKS,
     CORRECTION_FRACTION,
     FOREST_FEATURES,
     PIXELS,
     STARTLESS_FEATURES,
+    STARTS,
     TREE_FRACTION,
     TREES,
     TRUSTED_FEATURE,
@@ -130,6 +132,15 @@ def test_drawn_starts_lie_inside_the_mask(radius: float) -> None:
     drawn = starts_in(Example(one.image, one.truth, None, radius), np.random.default_rng(0))
     assert len(drawn) == 5
     assert all((one.truth[start] == 255).all() and start.any() for start in drawn)
+
+
+def test_the_last_starts_are_as_small_as_clicks() -> None:
+    one = example(1, start=False)
+    areas = [
+        int(start.sum()) for start in starts_in(Example(one.image, one.truth, None, 6.0), np.random.default_rng(0))
+    ]
+    assert len(areas) == STARTS
+    assert max(areas[-CLICKS:]) < min(areas[:-CLICKS])
 
 
 def test_mixed_and_unknown_pixels_are_no_samples() -> None:

@@ -228,6 +228,15 @@ JSON = st.recursive(
 )
 
 
+@pytest.mark.parametrize("text", ["", "edges:\n", "edges: {}\n"])
+def test_editors_take_what_is_empty_as_the_reader_does(text: str) -> None:
+    problems = Problems()
+    node = parse(text, Origin("f"), problems)
+    assert collect(Parameters, node, problems) == {}
+    assert problems.lines == []
+    assert SCHEMA.is_valid(node.plain())
+
+
 @given(SETTINGS)
 def test_written_parameters_are_read_back(settings: dict[str, object]) -> None:
     params = load_params(None, settings)
