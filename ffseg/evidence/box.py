@@ -29,7 +29,7 @@ from ffseg.evidence.features import (
 from ffseg.evidence.forest import shipped
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import blurred, logarithm, odds_edges
-from ffseg.evidence.prior import MAX_LOG_ODDS, PIXEL_FEATURES, SMOOTHING
+from ffseg.evidence.prior import MAX_LOG_ODDS, PIXEL_FEATURES, SMOOTHING, write_pixel_features
 from ffseg.evidence.surroundings import (
     COLOURS,
     STRIDE,
@@ -223,7 +223,7 @@ def all_planes(view: BoxView) -> Plane:
     """The planes that the forest takes, in its order, of every `STRIDE`-th pixel: `PIXEL_FEATURES`, the surroundings, the box."""
     seen = view.seen
     planes = np.empty((len(FEATURE_NAMES), *seen.inside[::STRIDE, ::STRIDE].shape), np.float32)
-    write_strided(seen, PIXEL_FEATURES, planes[: len(PIXEL_FEATURES)])
+    write_pixel_features(seen, planes[: len(PIXEL_FEATURES)])
     beside, own = planes[len(PIXEL_FEATURES) : -len(BOX_FEATURES)], planes[-len(BOX_FEATURES) :]
     surroundings(seen, beside)
     x, y = (part[::STRIDE, ::STRIDE] for part in view.away)

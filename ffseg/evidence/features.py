@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.arrays import Image, Mask, Plane
+from ffseg.arrays import Floats, Image, Mask, Plane
 from ffseg.errors import SegmentationError
 from ffseg.evidence.openings import OPENING_FEATURES, open_areas
 from ffseg.native import _core
@@ -72,12 +72,12 @@ DEFAULT_FEATURES = (
 """Names of the planes in their order, unless less or more is asked for."""
 
 SHAPELESS_FEATURES = (
-    *_names(COLOUR_FEATURES, GEODESIC_SCALES),
+    *(f"{name}@{scale:g}" for scale in GEODESIC_SCALES for name in COLOUR_FEATURES),
     *(f"{name}@{GEODESIC_SCALES[0]:g}" for name in BARRIER_FEATURES),
     "likeness",
-    "distance",
 )
-"""Names of those that do not tell of shapes or directions, nor of the coarsest scale, nor of ways at any but the finest."""
+"""Names of those that tell of no shapes, directions or places, nor of the coarsest scale, nor of ways at any but the finest.
+What is relative to the start is left to where it is needed (`write_relative`)."""
 
 ALL_FEATURES = (*DEFAULT_FEATURES, *OPENING_FEATURES)
 """Names of all planes in their order."""
@@ -154,10 +154,12 @@ def features(
     )
     at = 0
     for scale in GEODESIC_SCALES if plain else SCALES:
-        texture, relative = planes[at : at + looks], planes[at + looks : at + looks + len(RELATIVE_FEATURES)]
-        look(lab, scale, texture)
-        _core.evidence_relative(texture[:3], inside, DEVIATION_FLOOR, relative)
-        at += looks + len(RELATIVE_FEATURES)
+        look(lab, scale, planes[at : at + looks])
+        at += looks
+        if not plain:
+            colours = planes[at - looks : at - looks + 3]
+            write_relative(colours, inside, colours, planes[at : at + len(RELATIVE_FEATURES)])
+            at += len(RELATIVE_FEATURES)
     found = Features(planes, names, inside, factor, shape)
     for scale in GEODESIC_SCALES[:1] if plain else GEODESIC_SCALES:
         _core.evidence_barrier(
@@ -167,10 +169,16 @@ def features(
     if not plain:
         geodesic(found[f"slope@{GEODESIC_SCALE:g}"], inside, found["way"])
     _likeness(found)
-    _place(found)
+    if not plain:
+        _place(found)
     if names == ALL_FEATURES:
         open_areas(image, inside, factor, planes[-len(OPENING_FEATURES) :])
     return found
+
+
+def write_relative(lab: Plane, inside: Image, some: Plane, out: Plane) -> None:
+    """Write ``RELATIVE_FEATURES`` of some pixels' L, a and b, by what these are in the start region of the whole plane."""
+    _core.evidence_relative(lab, inside, DEVIATION_FLOOR, some, out)
 
 
 def geodesic(slope: Plane, inside: Image, out: Plane) -> None:
@@ -261,15 +269,25 @@ def _likeness(found: Features) -> None:
 
 def _place(found: Features) -> None:
     height, width = found.inside.shape
+    across, along = from_middle(found.inside)
     x, y = np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32)
+    found["x"][:], found["y"][:] = (x + 0.5) / width, ((y + 0.5) / height)[:, None]
+    found["across"][:], found["along"][:] = across, along[:, None]
+    found["distance"][:] = length(across, along)
+
+
+def from_middle(inside: Image) -> tuple[Floats, Floats]:
+    """Places of columns and of rows from the middle of a region, in parts of the width."""
     across, along = (
-        ((places - _middle(found.inside.sum(axis=axis, dtype=np.int64))) / width).astype(np.float32)
-        for axis, places in enumerate((x, y))
+        ((np.arange(size, dtype=np.float32) - _middle(inside.sum(axis=axis, dtype=np.int64))) / inside.shape[1])
+        for axis, size in enumerate(inside.shape[::-1])
     )
-    found["distance"][:] = np.sqrt((across * across) + (along * along)[:, None])
-    if found.names != SHAPELESS_FEATURES:
-        found["x"][:], found["y"][:] = (x + 0.5) / width, ((y + 0.5) / height)[:, None]
-        found["across"][:], found["along"][:] = across, along[:, None]
+    return across.astype(np.float32), along.astype(np.float32)
+
+
+def length(across: Floats, along: Floats) -> Plane:
+    """Distances at each column and row."""
+    return np.sqrt((across * across) + (along * along)[:, None])
 
 
 def _middle(counts: NDArray[np.int64]) -> np.float64:

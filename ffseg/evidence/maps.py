@@ -90,7 +90,8 @@ def evidence_edges(
     """
     if not _crosses(probability, LEVEL):
         return image_edges
-    above = blurred(probability, SMOOTHING) - np.float32(LEVEL)
+    above = blurred(probability, SMOOTHING)
+    above -= np.float32(LEVEL)
     gradient, edges = image_edges.gradient.copy(), image_edges.edges.copy()
     height = min(RIDGE_HEIGHT * image_edges.thresholds[1] * GRADIENT_SCALE, MAX_GRADIENT)
     _core.evidence_level(above, UNDECIDED_MARGIN, SNAP_WIDTH, RIDGE_WIDTH, height, gradient, edges)
@@ -116,8 +117,9 @@ def odds_edges(odds: Plane, probability: float, image_edges: EdgeMap, source: st
     """
     shift = np.float32(log_odds(probability))
     odds = odds - shift if shift else odds
-    # The probability's tangent at one half: the same level, without a rounded exponential.
-    return evidence_edges(np.clip(np.float32(0.5) + np.float32(0.25) * odds, 0, 1), image_edges, source, odds)
+    tangent = odds * np.float32(0.25)  # of the probability at one half: the same level, without a rounded exponential
+    tangent += np.float32(0.5)
+    return evidence_edges(np.clip(tangent, 0, 1, out=tangent), image_edges, source, odds)
 
 
 def strength_edges(strength: Plane, image_edges: EdgeMap) -> EdgeMap:
@@ -145,6 +147,11 @@ def _crosses(values: Plane, level: float) -> bool:
 def logarithm(values: Plane) -> Plane:
     """Natural logarithm of positive values, with the same bits on every processor, unlike NumPy's."""
     return _of_each(_core.evidence_logarithm, values)
+
+
+def logarithm_of(value: float) -> float:
+    """The same of one value, in single precision."""
+    return float(logarithm(np.full((1, 1), value, np.float32))[0, 0])
 
 
 def probability(odds: Plane) -> Plane:

@@ -16,12 +16,18 @@ import numpy as np
 from ffseg.arrays import Image, Mask, Plane
 from ffseg.evidence.features import (
     BARRIER_FEATURES,
+    COLOUR_FEATURES,
+    GEODESIC_SCALES,
     GRADIENT_STEP,
+    RELATIVE_FEATURES,
     SHAPELESS_FEATURES,
     Features,
     enlarged,
     features,
+    from_middle,
+    length,
     reduced_region,
+    write_relative,
 )
 from ffseg.evidence.forest import Compiled, shipped
 from ffseg.evidence.gradient import gradient
@@ -35,7 +41,14 @@ from ffseg.starts.parts import start_core
 
 MODEL = Path(__file__).with_name("prior.ffmodel")
 
-PIXEL_FEATURES = tuple(name for name in SHAPELESS_FEATURES if not name.startswith("slope"))
+COLOURS, ONCE = COLOUR_FEATURES[:3], SHAPELESS_FEATURES[len(GEODESIC_SCALES) * len(COLOUR_FEATURES) :]
+"""Features that are seen at each scale, and those that are seen once."""
+
+PIXEL_FEATURES = (
+    *(f"{name}@{scale:g}" for scale in GEODESIC_SCALES for name in (*COLOURS, *RELATIVE_FEATURES)),
+    *ONCE,
+    "distance",
+)
 """Features the forest sees: all but the place in the image and the direction from the start (the distance it sees), and but
 gradients as they are, which only tell where they stand on a way."""
 
@@ -131,13 +144,28 @@ def start_features(image: Image, starts: Mask, size: int, least: float = MIN_STA
 def all_planes(seen: Features) -> Plane:
     """The planes that the forest takes, in its order, of every `STRIDE`-th pixel: `FEATURE_NAMES`."""
     planes = np.empty((len(FEATURE_NAMES), *seen.inside[::STRIDE, ::STRIDE].shape), np.float32)
-    write_strided(seen, PIXEL_FEATURES, planes[: len(PIXEL_FEATURES)])
+    write_pixel_features(seen, planes[: len(PIXEL_FEATURES)])
     surroundings(seen, planes[len(PIXEL_FEATURES) : -len(COLOUR_FLOOD_FEATURES)])
     heights = np.maximum(np.float32(ALIKE_LOG_RATIO) - blurred(strided(seen["likeness"]), 1.0 / STRIDE), np.float32(0))
     _core.evidence_barrier(
         heights, reduced_region(seen.inside > 0, STRIDE), GRADIENT_STEP, planes[-len(COLOUR_FLOOD_FEATURES) :]
     )
     return planes
+
+
+def write_pixel_features(seen: Features, out: Plane) -> None:
+    """Write ``PIXEL_FEATURES`` of every `STRIDE`-th pixel."""
+    at = 0
+    for scale in GEODESIC_SCALES:
+        names = tuple(f"{name}@{scale:g}" for name in COLOURS)
+        colours, relative = out[at : at + len(COLOURS)], out[at + len(COLOURS) :][: len(RELATIVE_FEATURES)]
+        write_strided(seen, names, colours)
+        first = seen.names.index(names[0])
+        write_relative(seen.planes[first : first + len(COLOURS)], seen.inside, colours, relative)
+        at += len(COLOURS) + len(RELATIVE_FEATURES)
+    write_strided(seen, ONCE, out[at:-1])
+    across, along = from_middle(seen.inside)
+    out[-1] = length(across[::STRIDE], along[::STRIDE])
 
 
 def prior_edges(scene: Scene) -> EdgeMap:
@@ -152,5 +180,6 @@ def with_prior(scene: Scene, image_edges: EdgeMap) -> EdgeMap:
         starts &= domain > 0
     if not starts.any():
         return image_edges
-    odds = prior(scene.image, starts) - np.float32(CAUTION)
+    odds = prior(scene.image, starts)
+    odds -= np.float32(CAUTION)
     return odds_edges(odds, scene.params.region.probability, image_edges, "prior")

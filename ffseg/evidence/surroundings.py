@@ -19,7 +19,7 @@ from ffseg.evidence.features import (
     reduced_region,
     reduced_shape,
 )
-from ffseg.evidence.maps import blurred, dilated, logarithm
+from ffseg.evidence.maps import dilated, logarithm, logarithm_of
 from ffseg.native import _core
 
 STRIDE = 2
@@ -77,18 +77,13 @@ def surroundings(seen: Features, out: Plane) -> None:
     """
     start = reduced_region(seen.inside > 0, STRIDE)
     slopes = {name: steepest(seen[f"slope@{name}"]) for name in (*FINE_SCALES, "3")}
-    ways = _ways(slopes, start)
-    crossed = {FINE_SCALES[0]: strided(seen[f"barrier@{FINE_SCALES[0]}"]), FINE_SCALES[1]: ways[0]}
-    colours = np.empty((len(COLOURS), *start.shape), np.float32)
-    write_strided(seen, COLOURS, colours)
-    planes = [
-        *ways,
-        *_likenesses(seen, colours),
-        *_compared(slopes, crossed, start > 0),
-        np.sqrt(colours[1] ** 2 + colours[2] ** 2),
-    ]
-    for to, plane in zip(out, planes, strict=True):
-        to[:] = plane
+    colours = colours_of(seen)
+    to = dict(zip(SURROUNDINGS_FEATURES, out, strict=True))
+    _write_ways(slopes, start, out, to)
+    _write_likenesses(seen, colours, to)
+    crossed = {FINE_SCALES[0]: strided(seen[f"barrier@{FINE_SCALES[0]}"]), FINE_SCALES[1]: to["barrier@1.5"]}
+    _write_compared(slopes, crossed, start > 0, to)
+    np.sqrt(colours[1] ** 2 + colours[2] ** 2, out=to["chroma"])
 
 
 def write_strided(seen: Features, names: tuple[str, ...], out: Plane) -> None:
@@ -126,36 +121,39 @@ def voted(odds: Plane, seen: Features) -> Plane:
     return found
 
 
-def _ways(slopes: dict[str, Plane], start: Image) -> list[Plane]:
+def _write_ways(slopes: dict[str, Plane], start: Image, out: Plane, to: dict[str, Plane]) -> None:
     """Geodesic and barrier distances from the start and from the border of the image, also through wide passages only."""
-    slope = slopes["1.5"]
-    planes = [plane for scale in GEODESIC_SCALES[1:] for plane in barriers(slopes[f"{scale:g}"], start)]
-    length = np.empty_like(slope)
-    geodesic(slope, start, length)
-    own, frame = planes[0], barriers(slope, _frame(slope.shape, 1))[:2]
-    usual = logarithm(np.full_like(slope, np.median(frame[0][start > 0]) + 1))
-    planes += [length, frame[1], logarithm((own + 1) / (frame[0] + 1)), usual]
+    slope, count = slopes["1.5"], len(BARRIER_FEATURES)
+    for at, scale in enumerate(GEODESIC_SCALES[1:]):
+        barriers(slopes[f"{scale:g}"], start, out[at * count : (at + 1) * count])
+    geodesic(slope, start, to["way"])
+    frame = barriers(slope, _frame(slope.shape, 1))[:2]
+    to["frame_hardness"][:] = frame[1]
+    to["start_or_frame"][:] = logarithm((to["barrier@1.5"] + 1) / (frame[0] + 1))
+    to["start_to_frame"][:] = logarithm_of(float(np.median(frame[0][start > 0])) + 1)
     for passage in PASSAGE_WIDTHS:
-        planes += list(barriers(dilated(slope, passage), start)[1:])
-    return planes
+        wide = barriers(dilated(slope, passage), start)
+        for name, plane in zip(BARRIER_FEATURES[1:], wide[1:], strict=True):
+            to[f"{name}~{passage}"][:] = plane
 
 
-def _likenesses(seen: Features, colours: Plane) -> tuple[Plane, Plane]:
+def _write_likenesses(seen: Features, colours: Plane, to: dict[str, Plane]) -> None:
     """Log likelihood ratios of colours: border of the image over image, of pixels and of their surroundings."""
     size = float(np.sqrt(seen.inside.shape[0] * seen.inside.shape[1]))
-    likeness = np.empty_like(colours[0])
-    _core.evidence_likelihood(colours, _frame(likeness.shape, max(2, int(FRAME_WIDTH * size)) // STRIDE), likeness)
-    return blurred(likeness, 1.0 / STRIDE), blurred(strided(seen["likeness"]), 3.0 / STRIDE)
+    frame = _frame(colours[0].shape, max(2, int(FRAME_WIDTH * size)) // STRIDE)
+    _core.evidence_blur(likeness(colours, frame), 1.0 / STRIDE, to["frame_likeness"])
+    _core.evidence_blur(strided(seen["likeness"]), 3.0 / STRIDE, to["likeness~3"])
 
 
-def _compared(slopes: dict[str, Plane], crossed: dict[str, Plane], inside: Mask) -> list[Plane]:
+def _write_compared(slopes: dict[str, Plane], crossed: dict[str, Plane], inside: Mask, to: dict[str, Plane]) -> None:
     """Barriers on the path to a pixel relative to the typical gradient near the start; the gradient in the start."""
     rows, columns = np.nonzero(inside)
     y, x = np.arange(inside.shape[0])[:, None] - rows.mean(), np.arange(inside.shape[1]) - columns.mean()
     near = y * y + x * x <= NEAR_RADII**2 * np.count_nonzero(inside) / np.pi
-    usual = {name: np.median(slopes[name][near]) + GRADIENT_FLOOR for name in FINE_SCALES}
-    planes = [logarithm((crossed[name] * GRADIENT_STEP + GRADIENT_FLOOR) / usual[name]) for name in FINE_SCALES]
-    return [*planes, logarithm(np.full_like(planes[0], np.median(slopes["1.5"][inside]) + GRADIENT_FLOOR))]
+    for name in FINE_SCALES:
+        usual = np.median(slopes[name][near]) + GRADIENT_FLOOR
+        to[f"unusual@{name}"][:] = logarithm((crossed[name] * GRADIENT_STEP + GRADIENT_FLOOR) / usual)
+    to["start_slope"][:] = logarithm_of(float(np.median(slopes["1.5"][inside]) + np.float32(GRADIENT_FLOOR)))
 
 
 def steepest(slope: Plane) -> Plane:
@@ -176,8 +174,8 @@ def _frame(shape: tuple[int, int], width: int) -> Image:
     return frame
 
 
-def barriers(heights: Plane, start: Image) -> Plane:
+def barriers(heights: Plane, start: Image, out: Plane | None = None) -> Plane:
     """What the minimax path from a start has to cross, a plane for each of ``BARRIER_FEATURES``."""
-    planes = np.empty((len(BARRIER_FEATURES), *heights.shape), np.float32)
+    planes = np.empty((len(BARRIER_FEATURES), *heights.shape), np.float32) if out is None else out
     _core.evidence_barrier(np.ascontiguousarray(heights), start, GRADIENT_STEP, planes)
     return planes

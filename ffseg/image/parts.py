@@ -35,7 +35,7 @@ class Parts:
 
     def touching(self, mask: Mask) -> NDArray[np.int32]:
         """Numbers of the components with a pixel in a mask."""
-        found = np.unique(self.labels[mask])
+        found = np.unique(self.labels.take(np.flatnonzero(mask)))
         return found[found > 0]
 
     def pixels_of(self, numbers: NDArray[np.integer]) -> Mask:

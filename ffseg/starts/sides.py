@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from ffseg.arrays import Image, Mask
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.components import filled
-from ffseg.image.free import clear_distances, free_pixels, open_sides
+from ffseg.image.free import clear_distances, free_pixels, open_ground, open_sides
+from ffseg.image.parts import connected_parts
 from ffseg.image.raster import rasterize
 from ffseg.scene import Scene
 from ffseg.starts.initial import circle_start
@@ -21,6 +22,9 @@ MIN_KEPT_RADIUS = 0.5
 """A start that lies across a boundary is moved to one side. It keeps at least this fraction of its radius, and its
 centre moves by at most one radius (round what lies outside the domain: `SEARCH_RADII` radii). If no such place
 exists, edges cover all of it: it stays where it is, with a message."""
+
+RIM_MARGIN, EDGE_MARGIN = 2, 3
+"""Pixels round the box of a start where its rim may touch a side, and beyond these, on which what is open there depends."""
 
 SEARCH_RADII = 1 + SIZE_WEIGHT
 """Search distance from the centre of the start, in radii: farther places cost more than the worst that would be accepted."""
@@ -47,7 +51,7 @@ def on_one_side(scene: Scene) -> tuple[Scene, tuple[str, ...], bool]:
         return scene, (), False
     within = {} if scene.domain is None else {at: _within(one, scene.domain) for at, one in enumerate(scene.starts)}
     beyond = {at for at, pixels in within.items() if not pixels.all()}
-    crossed = [at for at, start in enumerate(scene.starts) if _holds_edge(start, scene)]
+    crossed = [at for at, start in enumerate(scene.starts) if _is_parted(start, scene)]
     if not (crossed or beyond):
         return scene, (), False
     sides = open_sides(free_pixels(scene.edges.edges, scene.domain))
@@ -106,11 +110,20 @@ def _moved(start: FreeForm, free: Mask, sides: NDArray[np.int32], *, widest: boo
     return old, replace(new, x=new.x + left, y=new.y + top)
 
 
-def _holds_edge(start: FreeForm, scene: Scene) -> bool:
-    """Whether an edge lies in the box round a start: mostly none does, and that is known at once."""
+def _is_parted(start: FreeForm, scene: Scene) -> bool:
+    """Whether edges part the box round a start: mostly they do not, and what lies beyond it need not be known."""
     low, high = start.control_points.min(axis=0).tolist(), start.control_points.max(axis=0).tolist()
-    columns, rows = (slice(int(max(a - 1, 0)), ceil(max(b + 2, 0))) for a, b in zip(low, high, strict=True))
-    return bool(np.count_nonzero(scene.edges.edges[rows, columns]))
+    first = [max(int(at) - RIM_MARGIN, 0) for at in low]
+    last = [max(ceil(at) + RIM_MARGIN, 0) for at in high]
+    columns, rows = (slice(max(a - EDGE_MARGIN, 0), b + EDGE_MARGIN + 1) for a, b in zip(first, last, strict=True))
+    edges = scene.edges.edges[rows, columns]
+    if not edges.any():
+        return False
+    ground = open_ground(free_pixels(edges, None if scene.domain is None else scene.domain[rows, columns]))
+    near = ground[first[1] - rows.start :, first[0] - columns.start :][
+        : last[1] - first[1] + 1, : last[0] - first[0] + 1
+    ]
+    return _num_sides(FreeForm(start.control_points - first, start.degree), connected_parts(near).labels) > 1
 
 
 def _within(start: FreeForm, domain: Image) -> Mask:
@@ -130,5 +143,6 @@ def _num_sides(start: FreeForm, sides: NDArray[np.int32]) -> int:
     sides, x, y = sides[top : max(int(y.max()), 0) + 1, left : max(int(x.max()), 0) + 1], x - left, y - top
     around = np.pad(sides, 2)
     inside = (x >= 0) & (y >= 0) & (x < sides.shape[1] + 2) & (y < sides.shape[0] + 2)
-    offsets = np.mgrid[0:3, 0:3].reshape(2, 9, 1)
-    return int(np.count_nonzero(np.unique(around[y[inside] + offsets[0], x[inside] + offsets[1]])))
+    down, across = np.mgrid[0:3, 0:3].reshape(2, 9, 1)
+    touched = around[y[inside] + down, x[inside] + across]
+    return int(np.count_nonzero(np.bincount(touched.ravel())[1:]))

@@ -146,7 +146,10 @@ def test_colour_is_the_texture_that_does_not_tell_of_shapes(drawn: tuple[np.ndar
 def test_colour_from_the_start_is_that_of_the_twin(drawn: tuple[np.ndarray, np.ndarray], floor: float) -> None:
     lab, inside = drawn
     twin = naive.relative(lab.astype(np.float64), inside, floor)
-    found = made(twin.shape, _core.evidence_relative, lab, inside, floor)
+    found = made(twin.shape, _core.evidence_relative, lab, inside, floor, lab)
+    some = np.ascontiguousarray(lab[:, ::2, ::2])
+    few = made((4, *some.shape[1:]), _core.evidence_relative, lab, inside, floor, some)
+    np.testing.assert_array_equal(few, found[:, ::2, ::2])
     np.testing.assert_allclose(found, twin, rtol=1e-5, atol=1e-4)
 
 

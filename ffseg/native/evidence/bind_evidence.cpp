@@ -119,13 +119,13 @@ void py_look(const InPlanes& lab, double sigma, OutPlanes out) {
     look(lab.data(), size, sigma, out.data());
 }
 
-void py_relative(const InPlanes& lab, const Bytes& inside, double floor, OutPlanes out) {
-    const Size size = check_planes(lab, 3);
-    check_planes(out, evidence::kRelativePlanes, size);
+void py_relative(const InPlanes& lab, const Bytes& inside, double floor, const InPlanes& some, OutPlanes out) {
+    const Size size = check_planes(lab, 3), few = check_planes(some, 3);
+    check_planes(out, evidence::kRelativePlanes, few);
     check_size(inside, size);
     require(floor > 0 && std::isfinite(floor), "the floor is out of range");
     nb::gil_scoped_release release;
-    evidence::relative_colour(lab.data(), inside.data(), size, floor, out.data());
+    evidence::relative_colour(lab.data(), inside.data(), size, floor, {some.data(), few.count()}, out.data());
 }
 
 // The region of a binned colour may not be asked of NaN.
@@ -221,8 +221,8 @@ void bind_evidence(nb::module_& m) {
           "L, a, b smoothed; gradient of L, of a and b, of all; eigenvalues of structure tensor and Hessian of L.");
     m.def("evidence_colour", &py_look<evidence::colour, evidence::kColourPlanes>, "lab"_a, "sigma"_a, "out"_a,
           "L, a, b smoothed; gradient of all.");
-    m.def("evidence_relative", &py_relative, "lab"_a, "inside"_a, "floor"_a, "out"_a,
-          "L, a, b less their means inside, and their length over deviation inside + floor.");
+    m.def("evidence_relative", &py_relative, "lab"_a, "inside"_a, "floor"_a, "some"_a, "out"_a,
+          "L, a, b of some pixels less their means inside, and their length over deviation inside + floor.");
     m.def("evidence_likelihood", &py_likelihood, "lab"_a, "inside"_a, "out"_a,
           "Logarithm of how much likelier a pixel's colour is inside than in the whole plane.");
     m.def("evidence_diffuse", &py_diffuse, "values"_a, "lab"_a, "kept"_a, "contrast"_a, "steps"_a, "out"_a,

@@ -99,6 +99,56 @@ double median_inside(const std::vector<std::uint16_t>& heights, const std::uint8
     return *middle;
 }
 
+// Writes the barrier of each pixel, and returns how many pixels have each. A pixel waits once, in the list of its
+// barrier; that of the level which is worked on grows meanwhile.
+std::vector<std::size_t> barrier(const std::uint16_t* heights, const std::uint8_t* inside, Size size,
+                                 std::uint16_t* out) {
+    constexpr int kNone = -1;
+    Bordered<std::uint16_t> found(size, 0), high(size, 0);
+    std::vector<int> first(kMaxLevel + 1, kNone), next(found.count());
+    std::vector<std::size_t> pixels(first.size());
+    high.each([&](std::uint16_t& height, std::size_t plain, int) { height = heights[plain]; });
+    const auto wait = [&](int pixel, std::uint16_t level) {
+        found[pixel] = level;
+        next[static_cast<std::size_t>(pixel)] = first[level];
+        first[level] = pixel;
+    };
+    found.each([&](std::uint16_t& value, std::size_t plain, int at) {
+        value = kUnseen;
+        if (inside[plain] != 0) wait(at, 0);
+    });
+    const int steps[4] = {-found.width(), -1, 1, found.width()};
+    for (std::size_t level = 0; level < first.size(); ++level) {
+        for (int pixel = first[level]; pixel != kNone; pixel = first[level]) {
+            first[level] = next[static_cast<std::size_t>(pixel)];
+            ++pixels[level];
+            for (const int step : steps) {
+                if (found[pixel + step] != kUnseen) continue;
+                wait(pixel + step, std::max(high[pixel + step], static_cast<std::uint16_t>(level)));
+            }
+        }
+    }
+    found.each([&](std::uint16_t value, std::size_t plain, int) {
+        if (value == kUnseen) ++pixels[kMaxLevel];  // there is no start
+        out[plain] = std::min(value, static_cast<std::uint16_t>(kMaxLevel));
+    });
+    return pixels;
+}
+
+// Class of the logarithm of each level, ten classes a factor of e.
+std::vector<std::size_t> classes() {
+    std::vector<std::size_t> found(kMaxLevel + 1);
+    for (std::size_t level = 0; level < found.size(); ++level)
+        found[level] = static_cast<std::size_t>(10 * logarithm(2.0 * static_cast<double>(level) + 1));
+    return found;
+}
+
+FFSEG_CLONES
+void look_up(const float* table, const std::uint16_t* places, std::size_t count, float* out) {
+    FFSEG_APART
+    for (std::size_t i = 0; i < count; ++i) out[i] = table[static_cast<int>(places[i])];
+}
+
 }  // namespace
 
 std::vector<std::uint16_t> stepped(const float* heights, std::size_t count, double step) {
@@ -113,73 +163,29 @@ std::vector<std::uint16_t> stepped(const float* heights, std::size_t count, doub
     return levels;
 }
 
-void barrier(const std::uint16_t* heights, const std::uint8_t* inside, Size size, std::uint16_t* out) {
-    Bordered<std::uint16_t> found(size, 0), high(size, 0);
-    Buckets buckets(kMaxLevel + 1, found.count());
-    high.each([&](std::uint16_t& height, std::size_t plain, int) { height = heights[plain]; });
-    found.each([&](std::uint16_t& value, std::size_t plain, int at) {
-        value = inside[plain] != 0 ? 0 : kUnseen;
-        if (inside[plain] != 0) buckets.put(0, at);
-    });
-    const int steps[4] = {-found.width(), -1, 1, found.width()};
-    std::vector<int> lower;  // what is reached at once needs not wait
-    buckets.empty([&](std::size_t level, std::size_t, int first) {
-        lower.push_back(first);
-        while (!lower.empty()) {
-            const int pixel = lower.back();
-            lower.pop_back();
-            for (const int step : steps) {
-                const int next = pixel + step;
-                if (found[next] != kUnseen) continue;
-                const bool waits = high[next] > level;
-                found[next] = waits ? high[next] : static_cast<std::uint16_t>(level);
-                if (waits) {
-                    buckets.put(high[next], next);
-                } else {
-                    lower.push_back(next);
-                }
-            }
-        }
-    });
-    found.each([&](std::uint16_t value, std::size_t plain, int) {
-        out[plain] = value == kUnseen ? static_cast<std::uint16_t>(kMaxLevel) : value;  // there is no start
-    });
-}
-
 void barrier_planes(const float* heights, const std::uint8_t* inside, Size size, double step, float* out) {
     const std::size_t count = size.count();
     const std::vector<std::uint16_t> levels = stepped(heights, count, step);
     std::vector<std::uint16_t> barriers(count);
-    barrier(levels.data(), inside, size, barriers.data());
-    std::vector<std::size_t> pixels(kMaxLevel + 1);
-    for (const std::uint16_t one : barriers) ++pixels[one];
-    const double unit = median_inside(levels, inside);
-    constexpr int kClasses = 10;  // a factor of e
-    const auto class_of = [&](std::size_t level) {
-        return static_cast<std::size_t>(kClasses * logarithm(2.0 * static_cast<double>(level) + 1));
-    };
-    std::vector<std::size_t> alike(class_of(kMaxLevel) + 1), present;
+    const std::vector<std::size_t> pixels = barrier(levels.data(), inside, size, barriers.data());
+    static const std::vector<std::size_t> class_of = classes();
+    std::vector<std::size_t> alike(class_of.back() + 1);
+    for (std::size_t level = 0; level < pixels.size(); ++level) alike[class_of[level]] += pixels[level];
+    const double unit = median_inside(levels, inside), share = 1.0 / static_cast<double>(count);
+    std::vector<float> tables(pixels.size() * kBarrierPlanes);
+    float* table[kBarrierPlanes];
+    for (std::size_t k = 0; k < kBarrierPlanes; ++k) table[k] = tables.data() + k * pixels.size();
+    std::size_t below = 0;
     for (std::size_t level = 0; level < pixels.size(); ++level) {
         if (pixels[level] == 0) continue;
-        present.push_back(level);
-        alike[class_of(level)] += pixels[level];
-    }
-    std::vector<float> table(pixels.size() * kBarrierPlanes);
-    const double share = 1.0 / static_cast<double>(count);
-    std::size_t below = 0;
-    for (const std::size_t level : present) {
         below += pixels[level];
-        float* row = table.data() + level * kBarrierPlanes;
-        row[0] = static_cast<float>(static_cast<double>(level) * step);
-        row[1] = log_ratio(static_cast<double>(level), unit);
-        row[2] = static_cast<float>(static_cast<double>(below) * share);
-        row[3] = static_cast<float>(static_cast<double>(pixels[level]) * share);
-        row[4] = static_cast<float>(static_cast<double>(alike[class_of(level)]) * share);
+        table[0][level] = static_cast<float>(static_cast<double>(level) * step);
+        table[1][level] = log_ratio(static_cast<double>(level), unit);
+        table[2][level] = static_cast<float>(static_cast<double>(below) * share);
+        table[3][level] = static_cast<float>(static_cast<double>(pixels[level]) * share);
+        table[4][level] = static_cast<float>(static_cast<double>(alike[class_of[level]]) * share);
     }
-    for (std::size_t i = 0; i < count; ++i) {
-        const float* row = table.data() + static_cast<std::size_t>(barriers[i]) * kBarrierPlanes;
-        for (std::size_t k = 0; k < kBarrierPlanes; ++k) out[k * count + i] = row[k];
-    }
+    for (std::size_t k = 0; k < kBarrierPlanes; ++k) look_up(table[k], barriers.data(), count, out + k * count);
 }
 
 void geodesic(const float* heights, const std::uint8_t* inside, Size size, double step, int least, float* out) {

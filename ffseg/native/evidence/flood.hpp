@@ -12,14 +12,11 @@ constexpr int kMaxLevel = 4095;
 // The nearest whole number of steps, from 0 to `kMaxLevel`.
 std::vector<std::uint16_t> stepped(const float* heights, std::size_t count, double step);
 
-// The barrier: the smallest possible maximum of `heights` along a path between the four-connected pixels from the start
-// region (nonzero in `inside`, whose own heights do not count) to each pixel.
-void barrier(const std::uint16_t* heights, const std::uint8_t* inside, Size size, std::uint16_t* out);
-
-// What the barrier says of the region that it lets pass. One plane after the other: the barrier in steps of `step`; its
-// logarithm over the median height inside the start region; the share of pixels with a barrier as low or lower; the
-// share of those with the same barrier; the share of those in the same class of its logarithm, ten classes a factor of
-// e.
+// What the barrier says of the region that it lets pass. The barrier is the smallest possible maximum of `heights`
+// along a path between the four-connected pixels from the start region (nonzero in `inside`, whose own heights do not
+// count) to each pixel. One plane after the other: the barrier in steps of `step`; its logarithm over the median height
+// inside the start region; the share of pixels with a barrier as low or lower; the share of those with the same
+// barrier; the share of those in the same class of its logarithm, ten classes a factor of e.
 constexpr int kBarrierPlanes = 5;
 
 void barrier_planes(const float* heights, const std::uint8_t* inside, Size size, double step, float* out);

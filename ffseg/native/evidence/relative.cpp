@@ -105,15 +105,15 @@ void finish(Histogram& bins) {
 
 }  // namespace
 
-void relative_colour(const float* lab, const std::uint8_t* inside, Size size, double floor, float* out) {
-    const std::size_t count = size.count();
-    const Moments moments = moments_inside(lab, inside, count);
+void relative_colour(const float* lab, const std::uint8_t* inside, Size size, double floor, const Some& some,
+                     float* out) {
+    const Moments moments = moments_inside(lab, inside, size.count());
     float mean[3], scale[3];
     for (std::size_t c = 0; c < 3; ++c) {
         mean[c] = static_cast<float>(moments.mean[c]);
         scale[c] = static_cast<float>(1 / (moments.deviation[c] + floor));
     }
-    compare(lab, mean, scale, count, out);
+    compare(some.lab, mean, scale, some.count, out);
 }
 
 void likelihood_ratio(const float* lab, const std::uint8_t* inside, Size size, float* out) {

@@ -6,10 +6,17 @@
 
 namespace ffseg::evidence {
 
-// L, a, b less their means inside the start region, and the length of the three over (deviation inside + `floor`).
+// L, a, b of some pixels less their means inside the start region of the image, and the length of the three over
+// (deviation inside + `floor`).
 constexpr int kRelativePlanes = 4;
 
-void relative_colour(const float* lab, const std::uint8_t* inside, Size size, double floor, float* out);
+struct Some {
+    const float* lab;
+    std::size_t count;
+};
+
+void relative_colour(const float* lab, const std::uint8_t* inside, Size size, double floor, const Some& some,
+                     float* out);
 
 // How much likelier the colour of a pixel is in the start region than in the whole plane: the logarithm of the ratio of
 // two smoothed histograms of 24 x 20 x 20 colours.
