@@ -21,7 +21,7 @@ from ffseg.compare.text import markdown
 from ffseg.compare.values import COLUMNS, Comparison, Row
 from ffseg.errors import FfsegError, ImageReadError, OutputError, ParameterError, UsageError, is_out_of_memory
 from ffseg.io.files import SKIP_FILE, make_folder, printable, remove_files, write_all_atomic, write_bytes_atomic
-from ffseg.io.images import single_thread
+from ffseg.io.images import prepare_worker
 from ffseg.io.masks import Masks, named_masks
 from ffseg.io.overlays import polylines
 from ffseg.io.panels import Tile, encode_panel
@@ -91,7 +91,7 @@ def compare(
     OutputError
         If an output cannot be written.
     """
-    single_thread()
+    prepare_worker()
     panels = os.path.join(task.out, "panels")
     with OutputLock(task.out, os.path.join(panels, STATE_FOLDER)):
         write_bytes_atomic(os.path.join(panels, SKIP_FILE), b"")  # they are no inputs of what walks the folders above

@@ -18,7 +18,7 @@ from ffseg.errors import ImageReadError, SegmentationError, UsageError
 from ffseg.image.checked import require_size
 from ffseg.image.raster import rasterize
 from ffseg.io.files import printable
-from ffseg.io.images import single_thread
+from ffseg.io.images import prepare_worker
 from ffseg.io.masks import NO_MASKS, Masks, named_masks
 from ffseg.io.starts import Start, finds_starts, load_starts
 from ffseg.learning.training import MIN_KNOWN
@@ -90,7 +90,7 @@ def gather(
     ParameterError
         If the starts file is wrong, or has no row for an image.
     """
-    single_thread()
+    prepare_worker()
     sources = discover(inputs)
     truths = find_truths(sources, truth)
     used = {os.path.realpath(path) for path in truths.values()}

@@ -32,7 +32,7 @@ from ffseg.evidence.surroundings import STRIDE
 from ffseg.image.exposure import normalised_exposure
 from ffseg.image.raster import window_of
 from ffseg.io.files import write_bytes_atomic
-from ffseg.io.images import single_thread
+from ffseg.io.images import prepare_worker
 from ffseg.learning.drawn.clicks import Clicks
 from ffseg.learning.drawn.sights import KINDS, Sight, sights
 from ffseg.learning.training import SETTINGS, converted, known_pixels
@@ -171,7 +171,7 @@ def check(folder: Path, pool: Executor) -> int:
 
 def prior_samples(kind: str, count: int) -> list[tuple[list[Samples], list[Samples], list[Samples]]]:
     """Samples for the prior, the base and the box, from several views of a kind of drawings."""
-    single_thread()
+    prepare_worker()
     found = []
     for number, seen in enumerate(sights(kind, count)):
         rng = np.random.default_rng([*kind.encode(), number, 1])
@@ -195,7 +195,7 @@ def for_base(seen: Sight, rng: np.random.Generator) -> Samples:
 
 def hint_samples(kind: str, count: int, model_file: bytes) -> list[Samples]:
     """Samples for clicks, from drawings that the prior in this file has not learned from."""
-    single_thread()
+    prepare_worker()
     model = from_bytes(model_file, prior.FEATURE_NAMES)
     ask, found = (model, model.inside.compiled()), []
     for number, seen in enumerate(sights(kind, count, FIRST_CLICKED)):

@@ -24,7 +24,7 @@ from ffseg.batch.workers.freshness import mark_of
 from ffseg.batch.workers.pictures import read_source
 from ffseg.errors import FfsegError, ImageReadError, ParameterError, UsageError
 from ffseg.io.files import make_folder, printable, write_bytes_atomic
-from ffseg.io.images import single_thread
+from ffseg.io.images import prepare_worker
 from ffseg.io.labels import Labels
 from ffseg.io.masks import encode_mask, named_masks
 from ffseg.io.starts import check_starts
@@ -75,7 +75,7 @@ class Session:
     def __init__(
         self, inputs: Sequence[str], out: str, params: Parameters, labels: Sequence[str] = (), review: str = ""
     ) -> None:
-        single_thread()
+        prepare_worker()
         for label in labels:
             if not _LABEL.fullmatch(label):
                 raise UsageError(

@@ -27,7 +27,7 @@ import ffseg
 from ffseg.errors import FfsegError
 from ffseg.evidence.forest import to_bytes
 from ffseg.image.edges import edge_map
-from ffseg.io.images import single_thread
+from ffseg.io.images import prepare_worker
 from ffseg.learning.drawn.clicks import Clicks
 from ffseg.learning.drawn.sights import KINDS, sights
 from ffseg.learning.training import Example, learn, samples
@@ -62,7 +62,7 @@ class Task:
 
     def asked(self) -> list[object]:
         """Its row of the table: overlaps after each click, that of the box, and the median time of a click in ms."""
-        single_thread()
+        prepare_worker()
         clicks, mask, spent = Clicks(), np.zeros(self.truth.shape, bool), list[float]()
         if self.model is not None:
             mask = found(self.image, clicks, model=self.model)

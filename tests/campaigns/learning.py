@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ffseg.api import segment
 from ffseg.evidence.forest import Model
 from ffseg.evidence.source import model_odds
-from ffseg.io.images import single_thread
+from ffseg.io.images import prepare_worker
 from ffseg.learning.training import Example, Samples, learn, samples
 from ffseg.metrics import iou
 from ffseg.parameters import load_params
@@ -29,7 +29,7 @@ def main(
     data: Path = data_folder(), sets: str = "road,real_floors/indoor", masks: str = "1,3,5,10", draws: int = 5
 ) -> int:
     """Run the campaign; 0 also when the images are absent."""
-    single_thread()
+    prepare_worker()
     for folder in sets.split(","):
         photographs = list(load(data, [folder]))
         if not photographs:

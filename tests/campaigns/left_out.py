@@ -19,7 +19,7 @@ from ffseg.evidence.features import WORKING_SIZE
 from ffseg.evidence.forest import Forest
 from ffseg.evidence.surroundings import STRIDE, voted
 from ffseg.io.files import write_bytes_atomic
-from ffseg.io.images import single_thread
+from ffseg.io.images import prepare_worker
 from ffseg.io.tables import csv_table
 from ffseg.learning import grow
 from ffseg.learning.drawn.sights import KINDS, STARTS, sights
@@ -50,7 +50,7 @@ def main(
     before: Path | None = None,
 ) -> None:
     """Print the table."""
-    single_thread()
+    prepare_worker()
     taught = {kind: list(learned(kind, looks)) for kind in KINDS}
     found: Overlaps = {}
     for group in GROUPS:

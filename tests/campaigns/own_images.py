@@ -16,7 +16,7 @@ import numpy as np
 from ffseg.arrays import Array
 from ffseg.errors import SegmentationError
 from ffseg.image.own import own_image
-from ffseg.io.images import single_thread
+from ffseg.io.images import prepare_worker
 from ffseg.learning.drawn.cameras import Viewpoint, bonnet, developed, housing, mirror, perspective, rotation
 from ffseg.learning.drawn.rays import World, shaded
 from ffseg.learning.drawn.rooms import room
@@ -105,7 +105,7 @@ class Outcome:
 
 def judged(case: Case) -> Outcome:
     """Look for the own image of one case."""
-    single_thread()
+    prepare_worker()
     images, own = frames(case)
     try:
         found = own_image(images)

@@ -18,7 +18,7 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from ffseg.io.images import single_thread
+from ffseg.io.images import prepare_worker
 from ffseg.parameters import load_params
 from tests.campaigns import harness, real_invariance
 from tests.campaigns.real_images import SETS, Outcome, evaluate, load
@@ -40,7 +40,7 @@ def main(
     if not photographs:
         print(f"skipped: none of the sets is in {data}; name the folder with --data or FFSEG_DATA")
         return 0
-    single_thread()
+    prepare_worker()
     params = load_params(config, settings or [])
     print("\n".join(summary([evaluate(one, params) for one in photographs])))
     if invariance:

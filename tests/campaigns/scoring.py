@@ -12,7 +12,7 @@ from statistics import mean
 import numpy as np
 
 from ffseg.api import segment
-from ffseg.io.images import single_thread
+from ffseg.io.images import prepare_worker
 from ffseg.judge import OVERLAP_ODDS_RATIO
 from ffseg.learning.drawn.sights import KINDS, sights
 from ffseg.metrics import iou
@@ -45,7 +45,7 @@ def odds_ratio(scores: list[float], overlaps: list[float]) -> float:
 
 def main(looks: int = 12) -> int:
     """Print the figures."""
-    single_thread()
+    prepare_worker()
     found = {kind: list(outcomes(kind, looks)) for kind in KINDS}
     for kind, rows in found.items():
         print(f"{kind}: IoU {mean(row[2] for row in rows):.3f}, score {mean(row[1] for row in rows):.3f}")

@@ -20,7 +20,7 @@ from ffseg.batch.workers.freshness import JobFiles, kept_outputs, read_job
 from ffseg.batch.workers.messages import Done, Encoded, Failed, Reply, Setup, Task
 from ffseg.errors import FfsegError, ImageReadError, is_out_of_memory
 from ffseg.image.selection import count_regions
-from ffseg.io.images import OPENCV_VERSION, Limits, read_picture, single_thread
+from ffseg.io.images import OPENCV_VERSION, Limits, prepare_worker, read_picture
 from ffseg.io.masks import decode_mask, named_masks
 from ffseg.io.overlays import FLATNESS, polylines
 from ffseg.parameters import Parameters
@@ -38,7 +38,7 @@ class Workbench:
     """What a worker has ready between images; none of it depends on the images it has seen."""
 
     def __init__(self, setup: Setup) -> None:
-        single_thread()
+        prepare_worker()
         self._segment = load(setup.segmenter)
         self._setup = setup
         self._limits = Limits(setup.max_bytes, setup.max_pixels)
