@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ffseg.arrays import Floats, Image, Mask, Plane
 from ffseg.errors import SegmentationError
@@ -278,18 +277,14 @@ def _place(found: Features) -> None:
 
 def from_middle(inside: Image) -> tuple[Floats, Floats]:
     """Places of columns and of rows from the middle of a region, in parts of the width."""
+    middle = [np.float64(at.sum()) / np.float64(len(at)) for at in np.nonzero(inside > 0)[::-1]]
     across, along = (
-        ((np.arange(size, dtype=np.float32) - _middle(inside.sum(axis=axis, dtype=np.int64))) / inside.shape[1])
-        for axis, size in enumerate(inside.shape[::-1])
+        ((np.arange(size, dtype=np.float32) - place) / inside.shape[1]).astype(np.float32)
+        for size, place in zip(inside.shape[::-1], middle, strict=True)
     )
-    return across.astype(np.float32), along.astype(np.float32)
+    return across, along
 
 
 def length(across: Floats, along: Floats) -> Plane:
     """Distances at each column and row."""
     return np.sqrt((across * across) + (along * along)[:, None])
-
-
-def _middle(counts: NDArray[np.int64]) -> np.float64:
-    """The mean place of what is counted at each."""
-    return np.float64(counts @ np.arange(len(counts))) / np.float64(counts.sum())

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
 
+import cv2
 import numpy as np
 from batches import table
 from numpy.typing import NDArray
@@ -39,6 +40,19 @@ class Photograph:
         """The parameters started at this image's circle."""
         x, y, radius = self.circle
         return replace(params, init=replace(params.init, center=(x, y), radius=radius))
+
+    def of_size(self, longer: int, shorter: int) -> "Photograph":
+        """The photograph brought to this size, upright where it is."""
+        height, width = self.truth.shape
+        size = (longer, shorter) if width >= height else (shorter, longer)
+        across, down = size[0] / width, size[1] / height
+        x, y, radius = self.circle
+        return replace(
+            self,
+            image=cv2.resize(self.image, size, interpolation=cv2.INTER_AREA if across < 1 else cv2.INTER_LINEAR),
+            truth=cv2.resize(self.truth, size, interpolation=cv2.INTER_NEAREST),
+            circle=(across * (x + 0.5) - 0.5, down * (y + 0.5) - 0.5, radius * min(across, down)),
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,7 +94,7 @@ def evaluate(one: Photograph, params: Parameters) -> Outcome:
     base = median(harness.milliseconds(lambda: edge_map(one.image, Edges(canny=(4.0, 8.0)))) for _ in range(3))
     try:
         result = segment(one.image, placed)
-        spent = harness.milliseconds(lambda: segment(one.image, placed))
+        spent = median(harness.milliseconds(lambda: segment(one.image, placed)) for _ in range(3))
     except FfsegError as error:
         return Outcome(one, 0.0, 0.0, base, 0.0, str(error))
     return Outcome(one, iou(result.mask, one.truth), float(result.score), base, spent, "; ".join(result.messages))

@@ -1,10 +1,12 @@
 """The parameters at hand on four sets of real images with truth: overlap, how sure it was, and what it cost.
 
-Run ``python -m tests.campaigns.real_sets [--data DATA] [--half even|odd] [--config FILE] [--set KEY=VALUE]... [--sets a,b]``.
+Run ``python -m tests.campaigns.real_sets [--data DATA] [--half even|odd] [--config FILE] [--set KEY=VALUE]... [--sets a,b]
+[--size 640x480]``.
 DATA (or the environment variable FFSEG_DATA) holds the folders of `SETS`, each with ``images/``, ``truth/`` (255 inside,
 128 ignored) and ``seeds.csv``; folders that are absent are named and left out. An image that fails counts as IoU 0.
 
-``--invariance real`` checks that turning, shifting, dimming and moving the start change nothing.
+``--invariance real`` checks that turning, shifting, dimming and moving the start change nothing. With ``--size`` the
+photographs are first brought to that size.
 Images sorted by name: those at even places are one half, those at odd places the other. ``ffseg run`` and ``ffseg report`` show
 the regions beside their truths.
 """
@@ -30,6 +32,7 @@ HALVES = ("even", "odd")
 def main(
     data: Path = data_folder(), sets: str = ",".join(SETS), half: str = "", config: str | None = None,
     settings: Annotated[list[str] | None, typer.Option("--set")] = None, invariance: str = "",
+    size: str = "",
 ) -> int:  # fmt: skip
     """Run the campaign; 0 also when the images are absent."""
     folders = sets.split(",")
@@ -40,6 +43,9 @@ def main(
     if not photographs:
         print(f"skipped: none of the sets is in {data}; name the folder with --data or FFSEG_DATA")
         return 0
+    if size:
+        shorter, longer = sorted(map(int, size.split("x")))
+        photographs = [one.of_size(longer, shorter) for one in photographs]
     prepare_worker()
     params = load_params(config, settings or [])
     print("\n".join(summary([evaluate(one, params) for one in photographs])))
