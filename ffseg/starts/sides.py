@@ -116,14 +116,15 @@ def _is_parted(start: FreeForm, scene: Scene) -> bool:
     first = [max(int(at) - RIM_MARGIN, 0) for at in low]
     last = [max(ceil(at) + RIM_MARGIN, 0) for at in high]
     columns, rows = (slice(max(a - EDGE_MARGIN, 0), b + EDGE_MARGIN + 1) for a, b in zip(first, last, strict=True))
+    box = np.s_[
+        first[1] - rows.start : last[1] - rows.start + 1, first[0] - columns.start : last[0] - columns.start + 1
+    ]
     edges = scene.edges.edges[rows, columns]
-    if not edges.any():
+    if not edges[box].any():
         return False
     ground = open_ground(free_pixels(edges, None if scene.domain is None else scene.domain[rows, columns]))
-    near = ground[first[1] - rows.start :, first[0] - columns.start :][
-        : last[1] - first[1] + 1, : last[0] - first[0] + 1
-    ]
-    return _num_sides(FreeForm(start.control_points - first, start.degree), connected_parts(near).labels) > 1
+    near = FreeForm(start.control_points - first, start.degree)
+    return _num_sides(near, connected_parts(ground[box]).labels) > 1
 
 
 def _within(start: FreeForm, domain: Image) -> Mask:

@@ -58,7 +58,8 @@ void features(Random& random) {
     evidence::enlarge(lab.data(), size, {{pixels.height, pixels.width}, factor, random.among(1, 3)}, large.data());
     evidence::texture(lab.data(), size, random.pick({0.01, 0.7, 6.0, 32.0}), out.data());
     const std::vector<std::uint8_t> inside = draw_marks(random, {size.height, size.width});
-    evidence::relative_colour(lab.data(), inside.data(), size, random.pick({1e-6, 1.5}), out.data());
+    evidence::relative_colour(lab.data(), inside.data(), size, random.pick({1e-6, 1.5}), {lab.data(), size.count()},
+                              out.data());
     evidence::likelihood_ratio(lab.data(), inside.data(), size, out.data());
     expect(std::all_of(out.begin(), out.begin() + static_cast<std::ptrdiff_t>(size.count()),
                        [](float v) { return std::abs(v) < 15; }),
