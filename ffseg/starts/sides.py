@@ -23,8 +23,8 @@ MIN_KEPT_RADIUS = 0.5
 centre moves by at most one radius (round what lies outside the domain: `SEARCH_RADII` radii). If no such place
 exists, edges cover all of it: it stays where it is, with a message."""
 
-RIM_MARGIN, EDGE_MARGIN = 2, 3
-"""Pixels round the box of a start where its rim may touch a side, and beyond these, on which what is open there depends."""
+EDGE_REACH = 3
+"""Pixels: what is open ground depends on edges no farther away."""
 
 SEARCH_RADII = 1 + SIZE_WEIGHT
 """Search distance from the centre of the start, in radii: farther places cost more than the worst that would be accepted."""
@@ -113,12 +113,9 @@ def _moved(start: FreeForm, free: Mask, sides: NDArray[np.int32], *, widest: boo
 def _is_parted(start: FreeForm, scene: Scene) -> bool:
     """Whether edges part the box round a start: mostly they do not, and what lies beyond it need not be known."""
     low, high = start.control_points.min(axis=0).tolist(), start.control_points.max(axis=0).tolist()
-    first = [max(int(at) - RIM_MARGIN, 0) for at in low]
-    last = [max(ceil(at) + RIM_MARGIN, 0) for at in high]
-    columns, rows = (slice(max(a - EDGE_MARGIN, 0), b + EDGE_MARGIN + 1) for a, b in zip(first, last, strict=True))
-    box = np.s_[
-        first[1] - rows.start : last[1] - rows.start + 1, first[0] - columns.start : last[0] - columns.start + 1
-    ]
+    first, end = [int(max(at - 1, 0)) for at in low], [ceil(max(at + 2, 0)) for at in high]
+    columns, rows = (slice(max(a - EDGE_REACH, 0), b + EDGE_REACH) for a, b in zip(first, end, strict=True))
+    box = np.s_[first[1] - rows.start : end[1] - rows.start, first[0] - columns.start : end[0] - columns.start]
     edges = scene.edges.edges[rows, columns]
     if not edges[box].any():
         return False
