@@ -272,7 +272,7 @@ def _place(found: Features) -> None:
     x, y = np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32)
     found["x"][:], found["y"][:] = (x + 0.5) / width, ((y + 0.5) / height)[:, None]
     found["across"][:], found["along"][:] = across, along[:, None]
-    found["distance"][:] = length(across, along)
+    found["distance"][:] = distance_plane(across, along)
 
 
 def from_middle(inside: Image) -> tuple[Floats, Floats]:
@@ -285,6 +285,6 @@ def from_middle(inside: Image) -> tuple[Floats, Floats]:
     return across, along
 
 
-def length(across: Floats, along: Floats) -> Plane:
+def distance_plane(across: Floats, along: Floats) -> Plane:
     """Distances at each column and row."""
     return np.sqrt((across * across) + (along * along)[:, None])

@@ -22,10 +22,10 @@ from ffseg.evidence.features import (
     RELATIVE_FEATURES,
     SHAPELESS_FEATURES,
     Features,
+    distance_plane,
     enlarged,
     features,
     from_middle,
-    length,
     reduced_region,
     write_relative,
 )
@@ -165,7 +165,7 @@ def write_pixel_features(seen: Features, out: Plane) -> None:
         at += len(COLOURS) + len(RELATIVE_FEATURES)
     write_strided(seen, ONCE, out[at:-1])
     across, along = from_middle(seen.inside)
-    out[-1] = length(across[::STRIDE], along[::STRIDE])
+    out[-1] = distance_plane(across[::STRIDE], along[::STRIDE])
 
 
 def prior_edges(scene: Scene) -> EdgeMap:
