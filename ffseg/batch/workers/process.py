@@ -8,11 +8,6 @@ import signal
 import sys
 
 _PR_SET_PDEATHSIG = 1
-_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
-_KEPT_BYTES, _MAX_KEPT_BLOCK = 128 << 20, 32 << 20
-"""Freed memory that stays with the process, and the largest block that is kept so, which is the largest the library
-allows: the buffers of an image of 8 Mpx. Returned to the system after every image, they cost 440 page faults for the
-next one of 800x600, a tenth of its time. More than the largest image needed at once is never held."""
 
 
 def main(tasks: int, replies: int, parent: int) -> None:
@@ -29,7 +24,6 @@ def main(tasks: int, replies: int, parent: int) -> None:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     _die_with(parent)
-    _keep_memory()
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its threads would be started and never used
     from ffseg.batch.workers.messages import Ready, Refused, received_messages, send
@@ -57,14 +51,6 @@ def _die_with(parent: int) -> None:
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != parent:  # it died before this one could ask
         os._exit(1)
-
-
-def _keep_memory() -> None:
-    """Let the C library keep what one image has freed for the next, where it can be told so."""
-    tell = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
-    if tell is not None:
-        tell(_M_TRIM_THRESHOLD, _KEPT_BYTES)
-        tell(_M_MMAP_THRESHOLD, _MAX_KEPT_BLOCK)
 
 
 def _limit_memory(more: int) -> None:
