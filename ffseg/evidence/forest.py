@@ -223,9 +223,15 @@ def load_model(path: str | os.PathLike[str], known: tuple[str, ...] = ALL_FEATUR
         raise ParameterError(f"model {name}: {error}; {REMEDY}") from error
 
 
+FREED_BYTES = 16 << 20
+"""Of one block. The C library (glibc) keeps freed memory up to twice the largest block that it has mapped and freed; it may never
+have been one, and then gives the planes of every image back and asks for them anew, a tenth of the time at 640x480."""
+
+
 @lru_cache(maxsize=4)
 def shipped(path: Path, known: tuple[str, ...]) -> Compiled:
     """A model that is part of the package, read once."""
+    np.empty(FREED_BYTES, np.uint8)  # and freed; none of its pages is touched
     model = load_model(path, known)
     return model, model.inside.compiled()
 

@@ -1,7 +1,12 @@
 """Which evidence decides: clear edges alone, else the learned prior; and how sure the result is."""
 
+import platform
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -15,6 +20,7 @@ from ffseg.image import boundary
 from ffseg.image.boundary import Boundary
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap, edge_map
 from ffseg.image.exposure import MEAN_LEVEL, normalised_exposure
+from ffseg.io.masks import encode_png
 from ffseg.judge import OVERLAP_ODDS_RATIO, calibrated, expected_overlap
 from ffseg.learning.drawn.sights import Sight, sights
 from ffseg.metrics import iou
@@ -288,3 +294,22 @@ def test_a_side_longer_than_planes_that_are_flooded(shape: tuple[int, ...]) -> N
     image = rng.integers(60, 190, shape).astype(np.uint8)
     found = segment(image, load_params(None, {"edges.source": "prior", "init.radius": 4}))
     assert found.mask.shape == shape[:2]
+
+
+LOOP = """
+import resource, sys, ffseg
+for _ in range(6):
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    source = ffseg.segment(ffseg.read_image(sys.argv[1])).source
+print(source, resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other C libraries keep freed memory by other rules")
+def test_the_memory_of_one_image_serves_the_next(tmp_path: Path) -> None:
+    noise = np.random.default_rng(1).integers(60, 190, (480, 640, 3)).astype(np.uint8)
+    (tmp_path / "a.png").write_bytes(encode_png(cv2.GaussianBlur(noise, (0, 0), 2), []))
+    command = [sys.executable, "-c", LOOP, str(tmp_path / "a.png")]
+    source, faults = subprocess.run(command, check=True, capture_output=True, text=True).stdout.split()
+    assert source == "prior"
+    assert int(faults) < 600  # pages; they are 5000 where the planes of every image go back to the system
