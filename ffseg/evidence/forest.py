@@ -11,6 +11,7 @@ import json
 import math
 import os
 import struct
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import pairwise
@@ -231,7 +232,8 @@ have been one, and then gives the planes of every image back and asks for them a
 @lru_cache(maxsize=4)
 def shipped(path: Path, known: tuple[str, ...]) -> Compiled:
     """A model that is part of the package, read once."""
-    np.empty(FREED_BYTES, np.uint8)  # and freed; none of its pages is touched
+    with suppress(MemoryError):  # there may be room for a small image only
+        np.empty(FREED_BYTES, np.uint8)  # and freed; none of its pages is touched
     model = load_model(path, known)
     return model, model.inside.compiled()
 
