@@ -271,16 +271,12 @@ def _next_side(next_ones: Sequence[Click], depths: Sequence[float]) -> int:
 
 
 _states = Recent[ClickState | None](CACHED_STATES)
-_viewed: dict[tuple[float, bytes], tuple[Mask, prior.PriorView]] = {}
+_views = Recent[prior.PriorView](1)
 
 
 def _view(clicked: ClickedImage, inside: Mask) -> prior.PriorView:
     """The prior's view from a region; the last one is kept, as clicks outside do not change it."""
-    last = _viewed.get(clicked.key)
-    if last is None or not np.array_equal(last[0], inside):
-        _viewed.clear()
-        _viewed[clicked.key] = last = inside, prior.prior_view(clicked.image, inside)
-    return last[1]
+    return _views.get((clicked.key, digest_of(inside)), partial(prior.prior_view, clicked.image, inside))
 
 
 def _state_before(clicked: ClickedImage) -> ClickState | None:

@@ -165,10 +165,9 @@ def features(
             found[f"slope@{scale:g}"], inside, GRADIENT_STEP, planes[at : at + len(BARRIER_FEATURES)]
         )
         at += len(BARRIER_FEATURES)
-    if not plain:
-        geodesic(found[f"slope@{GEODESIC_SCALE:g}"], inside, found["way"])
     _likeness(found)
     if not plain:
+        geodesic(found[f"slope@{GEODESIC_SCALE:g}"], inside, found["way"])
         _place(found)
     if names == ALL_FEATURES:
         open_areas(image, inside, factor, planes[-len(OPENING_FEATURES) :])

@@ -41,12 +41,12 @@ from ffseg.starts.parts import start_core
 
 MODEL = Path(__file__).with_name("prior.ffmodel")
 
-COLOURS, ONCE = COLOUR_FEATURES[:3], SHAPELESS_FEATURES[len(GEODESIC_SCALES) * len(COLOUR_FEATURES) :]
+SMOOTHED, UNSCALED = COLOUR_FEATURES[:3], SHAPELESS_FEATURES[len(GEODESIC_SCALES) * len(COLOUR_FEATURES) :]
 """Features that are seen at each scale, and those that are seen once."""
 
 PIXEL_FEATURES = (
-    *(f"{name}@{scale:g}" for scale in GEODESIC_SCALES for name in (*COLOURS, *RELATIVE_FEATURES)),
-    *ONCE,
+    *(f"{name}@{scale:g}" for scale in GEODESIC_SCALES for name in (*SMOOTHED, *RELATIVE_FEATURES)),
+    *UNSCALED,
     "distance",
 )
 """Features the forest sees: all but the place in the image and the direction from the start (the distance it sees), and but
@@ -155,15 +155,13 @@ def all_planes(seen: Features) -> Plane:
 
 def write_pixel_features(seen: Features, out: Plane) -> None:
     """Write ``PIXEL_FEATURES`` of every `STRIDE`-th pixel."""
-    at = 0
-    for scale in GEODESIC_SCALES:
-        names = tuple(f"{name}@{scale:g}" for name in COLOURS)
-        colours, relative = out[at : at + len(COLOURS)], out[at + len(COLOURS) :][: len(RELATIVE_FEATURES)]
-        write_strided(seen, names, colours)
+    count, rest = len(SMOOTHED), len(UNSCALED) + 1
+    for scale, planes in zip(GEODESIC_SCALES, np.split(out[:-rest], len(GEODESIC_SCALES)), strict=True):
+        names = tuple(f"{name}@{scale:g}" for name in SMOOTHED)
+        write_strided(seen, names, planes[:count])
         first = seen.names.index(names[0])
-        write_relative(seen.planes[first : first + len(COLOURS)], seen.inside, colours, relative)
-        at += len(COLOURS) + len(RELATIVE_FEATURES)
-    write_strided(seen, ONCE, out[at:-1])
+        write_relative(seen.planes[first : first + count], seen.inside, planes[:count], planes[count:])
+    write_strided(seen, UNSCALED, out[-rest:-1])
     across, along = from_middle(seen.inside)
     out[-1] = distance_plane(across[::STRIDE], along[::STRIDE])
 

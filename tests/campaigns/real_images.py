@@ -15,6 +15,7 @@ from ffseg.api import segment
 from ffseg.batch.workers.pictures import read_truth
 from ffseg.errors import FfsegError
 from ffseg.image.edges import edge_map
+from ffseg.image.resized import resized
 from ffseg.io.images import read_image
 from ffseg.metrics import iou
 from ffseg.parameters import Edges, Parameters
@@ -49,7 +50,7 @@ class Photograph:
         x, y, radius = self.circle
         return replace(
             self,
-            image=cv2.resize(self.image, size, interpolation=cv2.INTER_AREA if across < 1 else cv2.INTER_LINEAR),
+            image=resized(self.image, (size[1], size[0])),
             truth=cv2.resize(self.truth, size, interpolation=cv2.INTER_NEAREST),
             circle=(across * (x + 0.5) - 0.5, down * (y + 0.5) - 0.5, radius * min(across, down)),
         )

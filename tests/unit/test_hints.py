@@ -27,7 +27,7 @@ UNSEEN = 300_000
 def _nothing_is_remembered(monkeypatch: pytest.MonkeyPatch) -> None:
     """What a test tells a forest to show is no answer to another's click."""
     monkeypatch.setattr(evidence, "_states", Recent(evidence.CACHED_STATES))
-    monkeypatch.setattr(evidence, "_viewed", {})
+    monkeypatch.setattr(evidence, "_views", Recent(1))
 
 
 def segmented(image: NDArray[np.uint8], clicks: Clicks, **more: object) -> Segmentation:

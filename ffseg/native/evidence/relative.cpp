@@ -105,7 +105,7 @@ void finish(Histogram& bins) {
 
 }  // namespace
 
-void relative_colour(const float* lab, const std::uint8_t* inside, Size size, double floor, const Some& some,
+void relative_colour(const float* lab, const std::uint8_t* inside, Size size, double floor, const Pixels& some,
                      float* out) {
     const Moments moments = moments_inside(lab, inside, size.count());
     float mean[3], scale[3];

@@ -10,12 +10,12 @@ namespace ffseg::evidence {
 // (deviation inside + `floor`).
 constexpr int kRelativePlanes = 4;
 
-struct Some {
+struct Pixels {
     const float* lab;
     std::size_t count;
 };
 
-void relative_colour(const float* lab, const std::uint8_t* inside, Size size, double floor, const Some& some,
+void relative_colour(const float* lab, const std::uint8_t* inside, Size size, double floor, const Pixels& some,
                      float* out);
 
 // How much likelier the colour of a pixel is in the start region than in the whole plane: the logarithm of the ratio of
