@@ -15,6 +15,7 @@ from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
 from operator import attrgetter
+from traceback import walk_tb
 from typing import Any
 
 from ffseg.errors import ParameterError, SegmentationError, UsageError
@@ -304,6 +305,19 @@ def methods_named(text: str) -> tuple[str, ...]:
     return names
 
 
+_LOADED: set[str] = set()
+"""Top level modules, not ffseg's, of everything that has been loaded by a name."""
+
+
+def described(error: BaseException) -> str:
+    """Kind and text of an unexpected error, and the file and line of the plug-in that it came from, if it did."""
+    for frame, line in reversed(list(walk_tb(error.__traceback__))):
+        if frame.f_globals.get("__name__", "").partition(".")[0] in _LOADED:
+            file = os.path.basename(frame.f_code.co_filename)
+            return f"{type(error).__name__} in {file}, line {line}: {error}"
+    return f"{type(error).__name__}: {error}"
+
+
 def load(home: str) -> Any:  # noqa: ANN401 - the caller knows the signature
     """Bring the function that ``module:function`` names; the working directory is importable, as ``python -m`` has it.
 
@@ -313,8 +327,10 @@ def load(home: str) -> Any:  # noqa: ANN401 - the caller knows the signature
         If there is no such module or function, or the module fails.
     """
     module, _, name = home.partition(":")
-    if not module.startswith("ffseg.") and not {"", here := os.getcwd()} & set(sys.path):
-        sys.path.insert(0, here)
+    if not module.startswith("ffseg."):
+        _LOADED.add(module.partition(".")[0])
+        if not {"", here := os.getcwd()} & set(sys.path):
+            sys.path.insert(0, here)
     try:
         found = attrgetter(name)(import_module(module))  # which waits while another thread imports it
     except (Exception, SystemExit) as error:  # of somebody's module: whatever it raises

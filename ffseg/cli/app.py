@@ -16,6 +16,7 @@ from ffseg.cli import console
 from ffseg.cli.examples import epilog
 from ffseg.cli.group import Group, with_words
 from ffseg.errors import FfsegError, UsageError
+from ffseg.plugins import described
 
 COMMANDS = {
     "run": "ffseg.cli.commands.run",
@@ -88,8 +89,8 @@ def main() -> None:
     except (Exception, SystemExit) as error:  # the last resort of the program
         if isinstance(error, SystemExit) and _is_ours(error):
             raise
-        sentence = " ".join(str(error).split())[:200]
-        console.error(f"unexpected {type(error).__name__}: {sentence}; the traceback is in {_traceback_file()}")
+        sentence = " ".join(described(error).split())[:200]
+        console.error(f"unexpected {sentence}; the traceback is in {_traceback_file()}")
         sys.exit(1)
 
 

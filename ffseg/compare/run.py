@@ -30,6 +30,7 @@ from ffseg.methods.peers import method_parameters
 from ffseg.metrics import scores
 from ffseg.peer_parameters import PeerParameters
 from ffseg.pipeline import segment
+from ffseg.plugins import described
 from ffseg.plugins import method as row_of
 from ffseg.result import Segmentation
 from ffseg.scene import Scene
@@ -198,7 +199,7 @@ def _failure(error: Exception) -> str:
     """Reason and sentence of what failed, as of a run."""
     if isinstance(error, FfsegError):
         return f"{error.reason}: {error}"
-    return NO_MEMORY if is_out_of_memory(error) else f"internal: {type(error).__name__}: {error}"
+    return NO_MEMORY if is_out_of_memory(error) else f"internal: {described(error)}"
 
 
 _Run = tuple[Row, Segmentation | None]

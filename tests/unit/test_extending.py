@@ -28,6 +28,7 @@ def number(result, context): ...
 number.suffix = 3
 def over(contents, label): raise ValueError('no more')
 def leaves(scene): raise SystemExit
+def breaks(scene): return [][scene.factor]
 from ffseg.batch.outputs.table import Output
 away, table, gone, bad = (
     Output('odd', 'odd', '.json', 'areas:encode', 'odd:' + merge, name)
@@ -138,6 +139,8 @@ def test_a_wrong_name_is_told(command: str, options: str, sentence: str, folder:
     [
         ("--executor odd:none", "crash: the executor odd:none gave no reply for it"),
         ("--export odd:text", "segmentation: the output odd:text gave str, not bytes"),
+        ("--set method=odd:breaks", "internal: IndexError in odd.py, line 12: list index out of range"),
+        ("--set edges.source=odd:breaks", "internal: IndexError in odd.py, line 12: list index out of range"),
     ],
 )
 def test_a_wrong_plug_in_costs_the_images(options: str, sentence: str, folder: Path, ffseg_process: Command) -> None:

@@ -24,7 +24,7 @@ from ffseg.io.images import OPENCV_VERSION, Limits, prepare_worker, read_picture
 from ffseg.io.masks import decode_mask, named_masks
 from ffseg.io.overlays import FLATNESS, polylines
 from ffseg.parameters import Parameters
-from ffseg.plugins import load
+from ffseg.plugins import described, load
 from ffseg.result import Segmentation
 from ffseg.scene import Scene
 
@@ -79,7 +79,7 @@ class Workbench:
                 return Failed(task.job.index, "out-of-memory", text)
             import traceback
 
-            return Failed(task.job.index, "internal", f"{type(error).__name__}: {error}", traceback.format_exc())
+            return Failed(task.job.index, "internal", described(error), traceback.format_exc())
 
     def _do(self, task: Task) -> Reply:
         begin, job = perf_counter(), task.job
