@@ -4,7 +4,8 @@ The seeds inside (start regions) and outside (``init.background``) give the colo
 geodesic distances from them. The features of the forest are those of the prior seen from the seeds inside; the prior's
 log odds (or those of a model or a map); the same distances and colours seen from the seeds outside; and, of the last
 click, the log odds before it, its depth in the error and the distances from it. So the forest has learned to correct the
-errors that simulated users click. It is part of the package; ``python -m ffseg.learning.grow`` makes it.
+errors that simulated users click, of the prior and of models. It is part of the package; ``python -m ffseg.learning.grow``
+makes it.
 """
 
 from __future__ import annotations

@@ -15,19 +15,23 @@ import sys
 from collections.abc import Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from hashlib import blake2b
 from importlib.metadata import version
 from itertools import chain, repeat
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.arrays import Array, Floats, Mask, Plane
+from ffseg.arrays import Array, Floats, Image, Mask, Plane
 from ffseg.evidence import base, box, hints, prior
 from ffseg.evidence.clicks import HALF, Click, ClickedImage, first_state, next_state
 from ffseg.evidence.features import DEFAULT_FEATURES, PLACE_FEATURES, WORKING_SIZE, features
-from ffseg.evidence.forest import Compiled, Model, from_bytes, load_model, to_bytes
+from ffseg.evidence.forest import Compiled, Model, load_model, shipped, to_bytes
+from ffseg.evidence.maps import certain_odds
+from ffseg.evidence.source import model_odds
 from ffseg.evidence.surroundings import STRIDE
 from ffseg.image.exposure import normalised_exposure
 from ffseg.image.raster import window_of
@@ -35,8 +39,12 @@ from ffseg.io.files import write_bytes_atomic
 from ffseg.io.images import prepare_worker
 from ffseg.learning.drawn.clicks import Clicks
 from ffseg.learning.drawn.sights import KINDS, Sight, sights
-from ffseg.learning.training import SETTINGS, converted, known_pixels
+from ffseg.learning.training import SETTINGS, Example, converted, known_pixels
+from ffseg.learning.training import grown as learned
+from ffseg.learning.training import samples as samples_of
 from ffseg.metrics import IGNORED, INSIDE
+from ffseg.native import _core
+from ffseg.parameters import Parameters
 
 VIEWS_PER_KIND, PIXELS_PER_VIEW = 160, 400
 """Looks at each kind of pictures, and pixels taken of each look."""
@@ -68,6 +76,10 @@ CLICKED_VIEWS = 40
 
 FIRST_CLICKED = 50_000
 """Number of the first picture with clicks: what the prior says of those that it has learned from is too good."""
+
+MODELS, TAUGHT, FIRST_TAUGHT, FIRST_ANSWERED = 4, 5, 30_000, 60_000
+"""Models of each kind, as `ffseg learn` makes them, whose answers clicks correct in as many more looks; masks of each, and
+numbers of the first picture with a mask and with an answer."""
 
 CLICKS, PIXELS_PER_CLICK, CLICK_SIZES = (3, 9), 150, (0.005, 0.02)
 """Least number of clicks in a picture and one more than the most; pixels taken after each; radii in parts of its longer side."""
@@ -113,19 +125,22 @@ def main() -> int:
     if any(os.environ.get(name) != value for name, value in SAME_ARITHMETIC.items()):
         again = [sys.executable, "-m", "ffseg.learning.grow", *sys.argv[1:]]
         os.execve(sys.executable, again, os.environ | SAME_ARITHMETIC)  # noqa: S606 - this very program
-    with ProcessPoolExecutor() as pool:
+    with ProcessPoolExecutor() as pool, TemporaryDirectory() as folder:
         if options.check:
             return check(options.out, pool)
-        forests = grown(options.looks, pool)
-        made_by = {"versions": versions(), "fingerprint": fingerprint(to_bytes(forests[prior.MODEL.name]), pool)}
+        forests = grown(options.looks, pool, Path(folder))
+        made_by = {"versions": versions(), "fingerprint": fingerprint(Path(folder), pool)}
     options.out.mkdir(parents=True, exist_ok=True)
     for name, forest in forests.items():
         write_bytes_atomic(options.out / name, to_bytes(replace(forest, about=forest.about | made_by)))
     return 0
 
 
-def grown(looks: int, pool: Executor) -> dict[str, Model]:
-    """All forests, by the names of their files, from so many looks at each kind."""
+def grown(looks: int, pool: Executor, folder: Path) -> dict[str, Model]:
+    """All forests, by the names of their files, from so many looks at each kind.
+
+    Those that clicks need are written into the folder.
+    """
     few = max(1, looks * CLICKED_VIEWS // VIEWS_PER_KIND)
     about, about_few = ({"drawn": {"looks": count, "kinds": list(KINDS)}, "photographs": 0} for count in (looks, few))
     seen = [one for found in pool.map(prior_samples, KINDS, repeat(looks)) for one in found]
@@ -133,7 +148,9 @@ def grown(looks: int, pool: Executor) -> dict[str, Model]:
         name: grow([part for look in seen for part in look[place]], FORESTS[name], about)
         for place, name in enumerate((prior.MODEL.name, base.BASE.name, box.MODEL.name))
     }
-    hinted = pool.map(hint_samples, KINDS, repeat(few), repeat(to_bytes(forests[prior.MODEL.name])))
+    for name in (prior.MODEL.name, base.BASE.name):
+        write_bytes_atomic(folder / name, to_bytes(forests[name]))
+    hinted = pool.map(hint_samples, KINDS, repeat(few), repeat(few), repeat(folder))
     clicked = [part for found in hinted for part in found]
     return forests | {hints.MODEL.name: grow(clicked, hints.FEATURE_NAMES, about_few)}
 
@@ -143,11 +160,12 @@ def versions() -> dict[str, str]:
     return {name: version(name) for name in ("numpy", "opencv-python-headless", "lightgbm")}
 
 
-def fingerprint(prior_file: bytes, pool: Executor) -> str:
-    """A digest of what the first look at each kind teaches every forest; the prior in the file is asked before clicks."""
+def fingerprint(folder: Path, pool: Executor) -> str:
+    """A digest of what the first look at each kind teaches every forest; the forests in the folder are asked before clicks."""
     digest = blake2b(digest_size=16)
     looks = pool.map(prior_samples, KINDS, repeat(1))
-    hinted = pool.map(hint_samples, KINDS, repeat(1), repeat(prior_file))
+    answered = chain([1], repeat(0))  # one kind tells whether models are learned as they were
+    hinted = pool.map(hint_samples, KINDS, repeat(1), answered, repeat(folder))
     for (look,), clicked in zip(looks, hinted, strict=True):
         for one in chain(*look, clicked):
             for part in (one.rows, one.inside, one.weights):
@@ -158,7 +176,7 @@ def fingerprint(prior_file: bytes, pool: Executor) -> str:
 def check(folder: Path, pool: Executor) -> int:
     """Print whether the forests in a folder are of this code; 0 if so, 1 if not, 2 where other packages may be the reason."""
     about = {name: load_model(folder / name, features).about for name, features in FORESTS.items()}
-    here, found = versions(), fingerprint((folder / prior.MODEL.name).read_bytes(), pool)
+    here, found = versions(), fingerprint(folder, pool)
     others = [name for name, one in about.items() if one.get("fingerprint") != found]
     if not others:
         sys.stdout.write("all forests are of this code\n")
@@ -193,27 +211,46 @@ def for_base(seen: Sight, rng: np.random.Generator) -> Samples:
     return sampled(planes, known_pixels(seen.truth, found.factor), rng)
 
 
-def hint_samples(kind: str, count: int, model_file: bytes) -> list[Samples]:
-    """Samples for clicks, from drawings that the prior in this file has not learned from."""
+def hint_samples(kind: str, count: int, answered: int, folder: Path) -> list[Samples]:
+    """Samples for clicks, from looks at what the prior says, and at what models do, of drawings that neither has learned from.
+
+    The prior and the base are those in the folder, which these are grown with, not those that are shipped.
+    """
     prepare_worker()
-    model = from_bytes(model_file, prior.FEATURE_NAMES)
-    ask, found = (model, model.inside.compiled()), []
+    prior.MODEL, base.BASE = folder / prior.MODEL.name, folder / base.BASE.name
+    ask, models, found = (
+        shipped(prior.MODEL, prior.FEATURE_NAMES),
+        models_of(kind, min(MODELS, answered)),
+        list[Samples](),
+    )
     for number, seen in enumerate(sights(kind, count, FIRST_CLICKED)):
-        rng = np.random.default_rng([*kind.encode(), number, 2])
-        found += for_clicks(seen, ask, rng)
+        found += for_clicks(seen, ask, np.random.default_rng([*kind.encode(), number, 2]))
+    for number, seen in enumerate(sights(kind, answered, FIRST_ANSWERED)):
+        rng = np.random.default_rng([*kind.encode(), number, 3])
+        found += for_clicks(seen, ask, rng, models[number % len(models)])
     return found
 
 
-def for_clicks(seen: Sight, ask: Compiled, rng: np.random.Generator) -> list[Samples]:
+def models_of(kind: str, count: int) -> list[Model]:
+    """Models of a kind of drawings, as `ffseg learn` makes them."""
+    taught = list(sights(kind, 2 * TAUGHT * count, FIRST_TAUGHT))[::2]  # two are at one picture
+    radii = (Parameters().init.radius_in(one.truth.shape) for one in taught)
+    known = [samples_of(Example(one.image, one.truth, None, radius)) for one, radius in zip(taught, radii, strict=True)]
+    return [learned(known[first : first + TAUGHT]) for first in range(0, len(known), TAUGHT)]
+
+
+def for_clicks(seen: Sight, ask: Compiled, rng: np.random.Generator, model: Model | None = None) -> list[Samples]:
     """Samples near each click of a simulated user but the first, where it may correct the state before it.
 
-    What clicks show is guessed, as the forest that is to tell it grows from this.
+    What clicks show is guessed, as the forest that is to tell it grows from this. They correct what the prior says or, if
+    one is given, what a model does.
     """
     shape, clicks, found = seen.truth.shape, Clicks((seen.start,)), list[Samples]()
     inside, outside = clicks.regions(shape)
-    clicked = ClickedImage(seen.image, inside, outside, None, 0.0, None)
-    own = prior.prior_view(seen.image, clicked.inside, ask)
-    state = first_state(clicked, own.odds - np.float32(prior.CAUTION))
+    answer = None if model is None else partial(_answer, model, model.inside.compiled(), seen.image)
+    clicked = ClickedImage(seen.image, inside, outside, None if answer is None else answer(inside), 0.0, None, answer)
+    own, say = prior.prior_view(seen.image, clicked.inside, ask), clicked.reduced_base
+    state = first_state(clicked, own.odds - np.float32(prior.CAUTION) if say is None else say)
     for _ in range(int(rng.integers(*CLICKS))):
         mask = (clicked.enlarged(state.odds) > 0) & (clicked.enlarged(state.stays) >= HALF) & ~outside | inside
         before, clicks = clicks, clicks.next(mask, seen.truth, float(rng.uniform(*CLICK_SIZES)) * max(shape))
@@ -223,16 +260,17 @@ def for_clicks(seen: Sight, ask: Compiled, rng: np.random.Generator) -> list[Sam
         one = Click(*clicks.last(within), within)
         last = clicked.correction(state, clicked.disc(one), within, len(clicks.outside) == 1)
         inside, outside = clicks.regions(shape)
-        own = prior.prior_view(seen.image, inside, ask) if within else own
+        if within:
+            own, say = prior.prior_view(seen.image, inside, ask), clicked.base_from(inside)
         view = hints.hint_view(own, outside & ~inside)
-        planes = hints.all_planes(view, last)
+        planes = hints.all_planes(view, last, say)
         known, near = known_pixels(seen.truth, view.seen.factor)[::STRIDE, ::STRIDE], clicked.near(last)
         found += [sampled(planes, np.where(near, known, UNKNOWN), rng, PIXELS_PER_CLICK)]
-        say, likelier, nearer = (
+        odds, likelier, nearer = (
             planes[hints.FEATURE_NAMES.index(name)] for name in ("prior", "likelier", "inside_or_outside")
         )
         guess = np.clip(
-            say + rng.uniform() * likelier - rng.uniform(0, 2) * nearer + rng.normal(),
+            odds + rng.uniform() * likelier - rng.uniform(0, 2) * nearer + rng.normal(),
             -prior.MAX_LOG_ODDS,
             prior.MAX_LOG_ODDS,
         )
@@ -240,6 +278,11 @@ def for_clicks(seen: Sight, ask: Compiled, rng: np.random.Generator) -> list[Sam
             clicked, state, *hints.near_and_elsewhere(guess.astype(np.float32), view, last), inside, last
         )
     return found
+
+
+def _answer(model: Model, native: _core.EvidenceForest, image: Image, start: Mask) -> Plane:
+    """What a model says, in log odds, as clicks correct it."""
+    return certain_odds(model_odds(model, image, start, native))
 
 
 def for_box(kind: str, number: int, seen: Sight) -> list[Samples]:
