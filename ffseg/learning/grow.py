@@ -72,7 +72,7 @@ MAX_BOX_FRACTION, LOOSENESS = 0.8, (-0.02, 0.1)
 the truth, in parts of the mean of its sides."""
 
 CLICKED_VIEWS = 40
-"""Looks at each kind with clicks; each gives half a dozen of what one start gives. A hundred grow no better forest."""
+"""Looks at each kind with clicks on what the prior says; each gives half a dozen of what one start gives. A hundred grow no better forest."""
 
 FIRST_CLICKED = 50_000
 """Number of the first picture with clicks: what the prior says of those that it has learned from is too good."""
@@ -142,7 +142,9 @@ def grown(looks: int, pool: Executor, folder: Path) -> dict[str, Model]:
     Those that clicks need are written into the folder.
     """
     few = max(1, looks * CLICKED_VIEWS // VIEWS_PER_KIND)
-    about, about_few = ({"drawn": {"looks": count, "kinds": list(KINDS)}, "photographs": 0} for count in (looks, few))
+    about, about_clicks = (
+        {"drawn": {"looks": count, "kinds": list(KINDS)}, "photographs": 0} for count in (looks, 2 * few)
+    )
     seen = [one for found in pool.map(prior_samples, KINDS, repeat(looks)) for one in found]
     forests = {
         name: grow([part for look in seen for part in look[place]], FORESTS[name], about)
@@ -152,7 +154,7 @@ def grown(looks: int, pool: Executor, folder: Path) -> dict[str, Model]:
         write_bytes_atomic(folder / name, to_bytes(forests[name]))
     hinted = pool.map(hint_samples, KINDS, repeat(few), repeat(few), repeat(folder))
     clicked = [part for found in hinted for part in found]
-    return forests | {hints.MODEL.name: grow(clicked, hints.FEATURE_NAMES, about_few)}
+    return forests | {hints.MODEL.name: grow(clicked, hints.FEATURE_NAMES, about_clicks)}
 
 
 def versions() -> dict[str, str]:

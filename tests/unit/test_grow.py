@@ -23,7 +23,7 @@ FLAT = [name for name, kind in KINDS.items() if not kind.alike]
     [
         (prior.MODEL, prior.FEATURE_NAMES, VIEWS_PER_KIND),
         (base.BASE, None, VIEWS_PER_KIND),
-        (hints.MODEL, hints.FEATURE_NAMES, CLICKED_VIEWS),
+        (hints.MODEL, hints.FEATURE_NAMES, 2 * CLICKED_VIEWS),
     ],
 )
 def test_the_models_that_ship_say_what_they_are_of(path: object, names: object, looks: int) -> None:
