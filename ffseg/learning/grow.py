@@ -72,7 +72,8 @@ MAX_BOX_FRACTION, LOOSENESS = 0.8, (-0.02, 0.1)
 the truth, in parts of the mean of its sides."""
 
 CLICKED_VIEWS = 40
-"""Looks at each kind with clicks on what the prior says; each gives half a dozen of what one start gives. A hundred grow no better forest."""
+"""Looks at each kind with clicks on what the prior says; each gives half a dozen of what one start gives. A hundred grow no
+better forest."""
 
 FIRST_CLICKED = 50_000
 """Number of the first picture with clicks: what the prior says of those that it has learned from is too good."""
