@@ -86,11 +86,9 @@ class PriorView:
     Attributes
     ----------
     seen : Features
-    compiled : tuple of Model and native forest
     """
 
     seen: Features
-    compiled: Compiled
 
     @cached_property
     def planes(self) -> Plane:
@@ -100,7 +98,7 @@ class PriorView:
     @cached_property
     def forest_odds(self) -> Plane:
         """Log odds of the forest before smoothing, shape (h, w), at most ``MAX_LOG_ODDS`` in absolute value."""
-        forest, native = self.compiled
+        forest, native = model()
         return np.clip(forest.inside.log_odds(self.planes, native), -MAX_LOG_ODDS, MAX_LOG_ODDS)
 
     @property
@@ -109,10 +107,9 @@ class PriorView:
         return blurred(voted(self.forest_odds, self.seen), SMOOTHING / STRIDE)
 
 
-def prior_view(image: Image, starts: Mask, by: Compiled | None = None) -> PriorView:
-    """The input of the forest that comes with the package, or of another one."""
-    compiled = by or model()
-    return PriorView(start_features(image, starts, compiled[0].size), compiled)
+def prior_view(image: Image, starts: Mask) -> PriorView:
+    """The input of the forest."""
+    return PriorView(start_features(image, starts, model()[0].size))
 
 
 def prior(image: Image, starts: Mask) -> Plane:

@@ -29,7 +29,7 @@ from ffseg.arrays import Array, Floats, Image, Mask, Plane
 from ffseg.evidence import base, box, hints, prior
 from ffseg.evidence.clicks import HALF, Click, ClickedImage, first_state, next_state
 from ffseg.evidence.features import DEFAULT_FEATURES, PLACE_FEATURES, WORKING_SIZE, features
-from ffseg.evidence.forest import Compiled, Model, load_model, shipped, to_bytes
+from ffseg.evidence.forest import Compiled, Model, load_model, to_bytes
 from ffseg.evidence.maps import certain_odds
 from ffseg.evidence.source import model_odds
 from ffseg.evidence.surroundings import STRIDE
@@ -43,7 +43,6 @@ from ffseg.learning.training import SETTINGS, Example, converted, known_pixels
 from ffseg.learning.training import grown as learned
 from ffseg.learning.training import samples as samples_of
 from ffseg.metrics import IGNORED, INSIDE
-from ffseg.native import _core
 from ffseg.parameters import Parameters
 
 VIEWS_PER_KIND, PIXELS_PER_VIEW = 160, 400
@@ -221,28 +220,25 @@ def hint_samples(kind: str, count: int, answered: int, folder: Path) -> list[Sam
     """
     prepare_worker()
     prior.MODEL, base.BASE = folder / prior.MODEL.name, folder / base.BASE.name
-    ask, models, found = (
-        shipped(prior.MODEL, prior.FEATURE_NAMES),
-        models_of(kind, min(MODELS, answered)),
-        list[Samples](),
-    )
+    models, found = models_of(kind, min(MODELS, answered)), list[Samples]()
     for number, seen in enumerate(sights(kind, count, FIRST_CLICKED)):
-        found += for_clicks(seen, ask, np.random.default_rng([*kind.encode(), number, 2]))
+        found += for_clicks(seen, np.random.default_rng([*kind.encode(), number, 2]))
     for number, seen in enumerate(sights(kind, answered, FIRST_ANSWERED)):
         rng = np.random.default_rng([*kind.encode(), number, 3])
-        found += for_clicks(seen, ask, rng, models[number % len(models)])
+        found += for_clicks(seen, rng, models[number % len(models)])
     return found
 
 
-def models_of(kind: str, count: int) -> list[Model]:
-    """Models of a kind of drawings, as `ffseg learn` makes them."""
+def models_of(kind: str, count: int) -> list[Compiled]:
+    """Models of a kind of drawings, as `ffseg learn` makes them, ready to be asked."""
     taught = list(sights(kind, 2 * TAUGHT * count, FIRST_TAUGHT))[::2]  # two are at one picture
     radii = (Parameters().init.radius_in(one.truth.shape) for one in taught)
     known = [samples_of(Example(one.image, one.truth, None, radius)) for one, radius in zip(taught, radii, strict=True)]
-    return [learned(known[first : first + TAUGHT]) for first in range(0, len(known), TAUGHT)]
+    models = [learned(known[first : first + TAUGHT]) for first in range(0, len(known), TAUGHT)]
+    return [(model, model.inside.compiled()) for model in models]
 
 
-def for_clicks(seen: Sight, ask: Compiled, rng: np.random.Generator, model: Model | None = None) -> list[Samples]:
+def for_clicks(seen: Sight, rng: np.random.Generator, model: Compiled | None = None) -> list[Samples]:
     """Samples near each click of a simulated user but the first, where it may correct the state before it.
 
     What clicks show is guessed, as the forest that is to tell it grows from this. They correct what the prior says or, if
@@ -250,9 +246,9 @@ def for_clicks(seen: Sight, ask: Compiled, rng: np.random.Generator, model: Mode
     """
     shape, clicks, found = seen.truth.shape, Clicks((seen.start,)), list[Samples]()
     inside, outside = clicks.regions(shape)
-    answer = None if model is None else partial(_answer, model, model.inside.compiled(), seen.image)
+    answer = None if model is None else partial(_answer, model, seen.image)
     clicked = ClickedImage(seen.image, inside, outside, None if answer is None else answer(inside), 0.0, None, answer)
-    own, say = prior.prior_view(seen.image, clicked.inside, ask), clicked.reduced_base
+    own, say = prior.prior_view(seen.image, clicked.inside), clicked.reduced_base
     state = first_state(clicked, own.odds - np.float32(prior.CAUTION) if say is None else say)
     for _ in range(int(rng.integers(*CLICKS))):
         mask = (clicked.enlarged(state.odds) > 0) & (clicked.enlarged(state.stays) >= HALF) & ~outside | inside
@@ -264,7 +260,7 @@ def for_clicks(seen: Sight, ask: Compiled, rng: np.random.Generator, model: Mode
         last = clicked.correction(state, clicked.disc(one), within, len(clicks.outside) == 1)
         inside, outside = clicks.regions(shape)
         if within:
-            own, say = prior.prior_view(seen.image, inside, ask), clicked.base_from(inside)
+            own, say = prior.prior_view(seen.image, inside), clicked.base_from(inside)
         view = hints.hint_view(own, outside & ~inside)
         planes = hints.all_planes(view, last, say)
         known, near = known_pixels(seen.truth, view.seen.factor)[::STRIDE, ::STRIDE], clicked.near(last)
@@ -283,9 +279,10 @@ def for_clicks(seen: Sight, ask: Compiled, rng: np.random.Generator, model: Mode
     return found
 
 
-def _answer(model: Model, native: _core.EvidenceForest, image: Image, start: Mask) -> Plane:
+def _answer(model: Compiled, image: Image, start: Mask) -> Plane:
     """What a model says, in log odds, as clicks correct it."""
-    return certain_odds(model_odds(model, image, start, native))
+    forest, native = model
+    return certain_odds(model_odds(forest, image, start, native))
 
 
 def for_box(kind: str, number: int, seen: Sight) -> list[Samples]:

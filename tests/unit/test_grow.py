@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ffseg.evidence import base, hints, prior
-from ffseg.evidence.forest import load_model, shipped, to_bytes
+from ffseg.evidence.forest import load_model, to_bytes
 from ffseg.learning import grow as growing
 from ffseg.learning.drawn.sights import KINDS, MIN_DEPTH, sights
 from ffseg.learning.grow import CLICKED_VIEWS, VIEWS_PER_KIND, grow, hint_samples, prior_samples
@@ -73,10 +73,10 @@ def test_the_same_clicks_grow_the_same_bytes() -> None:
 def test_clicks_correct_what_a_model_says(monkeypatch: pytest.MonkeyPatch) -> None:
     """The clicks' forest learns beside models, too, what it is asked beside: with their answers in the place of the prior's."""
     seen, place = next(iter(sights("nuclei", 1))), hints.FEATURE_NAMES.index("prior")
-    ask, model = shipped(prior.MODEL, prior.FEATURE_NAMES), load_model(base.BASE)
+    model = load_model(base.BASE)
     monkeypatch.setattr(growing, "_answer", lambda *_: np.full(seen.truth.shape, 1.25, np.float32))
-    for one, answers in ((None, False), (model, True)):
-        looks = growing.for_clicks(seen, ask, np.random.default_rng(0), one)
+    for one, answers in ((None, False), ((model, model.inside.compiled()), True)):
+        looks = growing.for_clicks(seen, np.random.default_rng(0), one)
         assert looks
         assert all(({*look.rows[:, place].tolist()} == {1.25}) == answers for look in looks)
 
