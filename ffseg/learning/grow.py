@@ -39,11 +39,9 @@ from ffseg.io.files import write_bytes_atomic
 from ffseg.io.images import prepare_worker
 from ffseg.learning.drawn.clicks import Clicks
 from ffseg.learning.drawn.sights import KINDS, Sight, sights
-from ffseg.learning.training import SETTINGS, Example, converted, known_pixels
+from ffseg.learning.training import SETTINGS, converted, known_pixels, samples_by_default
 from ffseg.learning.training import grown as learned
-from ffseg.learning.training import samples as samples_of
 from ffseg.metrics import IGNORED, INSIDE
-from ffseg.parameters import Parameters
 
 VIEWS_PER_KIND, PIXELS_PER_VIEW = 160, 400
 """Looks at each kind of pictures, and pixels taken of each look."""
@@ -232,8 +230,7 @@ def hint_samples(kind: str, count: int, answered: int, folder: Path) -> list[Sam
 def models_of(kind: str, count: int) -> list[Compiled]:
     """Models of a kind of drawings, as `ffseg learn` makes them, ready to be asked."""
     taught = list(sights(kind, 2 * TAUGHT * count, FIRST_TAUGHT))[::2]  # two are at one picture
-    radii = (Parameters().init.radius_in(one.truth.shape) for one in taught)
-    known = [samples_of(Example(one.image, one.truth, None, radius)) for one, radius in zip(taught, radii, strict=True)]
+    known = [samples_by_default(one.image, one.truth) for one in taught]
     models = [learned(known[first : first + TAUGHT]) for first in range(0, len(known), TAUGHT)]
     return [(model, model.inside.compiled()) for model in models]
 

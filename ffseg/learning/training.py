@@ -28,6 +28,7 @@ from ffseg.evidence.openings import OPENING_FEATURES
 from ffseg.evidence.prior import prior
 from ffseg.image.exposure import normalised_exposure
 from ffseg.metrics import IGNORED, INSIDE, OUTSIDE
+from ffseg.parameters import Parameters
 from ffseg.plugins import require
 from ffseg.starts.initial import click_radius
 
@@ -141,6 +142,11 @@ class Samples:
     rows: Floats
     inside: Mask
     prior: Floats | None = None
+
+
+def samples_by_default(image: Image, truth: Image) -> Samples:
+    """Samples of an image and its truth, with starts drawn as `ffseg learn` draws them by default."""
+    return samples(Example(image, truth, None, Parameters().init.radius_in(truth.shape)))
 
 
 def samples(example: Example) -> Samples:

@@ -30,7 +30,7 @@ from ffseg.image.edges import edge_map
 from ffseg.io.images import prepare_worker
 from ffseg.learning.drawn.clicks import Clicks
 from ffseg.learning.drawn.sights import KINDS, sights
-from ffseg.learning.training import Example, learn, samples
+from ffseg.learning.training import learn, samples_by_default
 from ffseg.metrics import IGNORED, INSIDE, iou
 from ffseg.parameters import load_params
 from ffseg.starts.initial import click_radius
@@ -112,10 +112,7 @@ def after_learning(given: Iterable[Task], count: int, folder: Path) -> Iterator[
     for name, group in groups.items():
         for first in range(0, len(group) - count + 1, count):
             taught = group[first : first + count]
-            radii = (load_params().init.radius_in(one.truth.shape) for one in taught)  # as `ffseg learn` has them
-            chosen = [
-                samples(Example(one.image, one.truth, None, radius)) for one, radius in zip(taught, radii, strict=True)
-            ]
+            chosen = [samples_by_default(one.image, one.truth) for one in taught]
             path = folder / f"{name.replace('/', '-')}-{first}.ffmodel"
             path.write_bytes(to_bytes(learn(chosen)))
             yield from (replace(one, model=str(path)) for one in group if one not in taught)
