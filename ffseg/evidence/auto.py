@@ -74,15 +74,17 @@ def _trial(scene: Scene) -> ContourResult | None:
     scene = bounded(scene)
     begin = perf_counter()
     scene, messages, across = on_one_side(scene)
+    robot = scene.starts if scene.fixed else ()
+    watch = unless_faint(scene.edges, MET_STRENGTH, robot)
     try:
-        outcome = run(replace(scene, callback=unless_faint(scene.edges, MET_STRENGTH), every=CHECK_INTERVAL))
+        outcome = run(replace(scene, callback=watch, every=CHECK_INTERVAL))
     except (BlockedStartError, FaintError):
         return None
     if outcome.contours is None:
         return None
-    boundary = Boundary(outcome.contours, scene.edges)
+    boundary = Boundary(outcome.contours, scene.edges, robot)
     evolve_ms = (perf_counter() - begin) * 1e3
-    if not boundary.is_clear(_least_met(scene)):
+    if across or not boundary.is_clear(_least_met(scene)):
         return None
     return ContourResult(scene, outcome, messages, evolve_ms, across, boundary)
 

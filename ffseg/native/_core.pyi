@@ -36,6 +36,11 @@ def gradients_at(joints: Annotated[NDArray[numpy.float64], dict(shape=(None, 2),
     The largest of nine gradients at each joint not within `margin` px of the border of image or domain.
     """
 
+def lively_share(region: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], gradient: Annotated[NDArray[numpy.uint16], dict(shape=(None, None), order='C', device='cpu', writable=False)], levels: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], step: int, most: float) -> float:
+    """
+    Part of a region, on every `step`-th row, with gradients above the level for the squared distance to the nearest pixel outside; the last holds farther inside, and nothing at distance 1. 1 if more than `most`.
+    """
+
 def share_within(joints: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), order='C', device='cpu', writable=False)], ends: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], shape: tuple[int, int], domain: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)] | None, margin: int) -> float:
     """
     Part of the polygons' length within `margin` px of the border of the image or the domain.

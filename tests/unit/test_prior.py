@@ -20,10 +20,12 @@ from ffseg.image import boundary
 from ffseg.image.boundary import Boundary
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap, edge_map
 from ffseg.image.exposure import MEAN_LEVEL, normalised_exposure
+from ffseg.image.free import distances
 from ffseg.io.masks import encode_png
 from ffseg.judge import OVERLAP_ODDS_RATIO, calibrated, expected_overlap
 from ffseg.learning.drawn.sights import Sight, sights
 from ffseg.metrics import iou
+from ffseg.native import _core
 from ffseg.parameters import load_params
 from ffseg.scene import Outcome, Progress, Scene
 from tests.discs import disc_of
@@ -213,16 +215,84 @@ def test_a_region_that_meets_no_edge_before_the_image_ends_is_left_to_the_prior(
     assert iou(found.mask, seen.truth) > iou(own.mask, seen.truth) + 0.1
 
 
-@pytest.mark.parametrize(("times", "clear"), [(2.3, False), (2.7, True)])
-def test_edges_are_trusted_from_a_strength_that_wrong_contours_do_not_reach(times: float, clear: bool) -> None:
-    """The faint tenth of a boundary has up to 2.39 times what an edge needs on drawings that lead astray, 3.27 on others."""
+@pytest.mark.parametrize(
+    ("times", "texture", "clear"), [(1.4, 0.5, False), (1.6, 0.5, True), (20, 0.7, False), (20, 0.5, True)]
+)
+def test_strong_edges_are_trusted_round_plain_regions(times: float, texture: float, clear: bool) -> None:
+    """Noise alone has half the gradient that an edge needs."""
     needed = 10 * GRADIENT_SCALE
     ring = FreeForm.circle((50, 40), 25, 24, 3)
-    gradient = np.full((80, 100), round(needed), np.uint16)  # texture: the region is not plain
+    gradient = np.full((80, 100), round(texture * needed), np.uint16)
     x, y = np.rint(ring.control_points[::3]).astype(int).T
     gradient[y, x] = round(times * needed)
+    gradient[30:50, 40:60] = round(texture * needed)
     edges = EdgeMap(gradient, np.zeros((80, 100), np.uint8), None, (5.0, 10.0))
     assert Boundary((ring,), edges).is_clear() == clear
+    assert Boundary((ring,), edges).clear_share() == (0.5 if texture > 0.6 else 1.0 if times > 1.5 else 0.04)
+
+
+@pytest.mark.parametrize("step", [1, 3])
+def test_what_is_lively_is_counted_by_distance(step: int) -> None:
+    rng = np.random.default_rng(step)
+    region = cv2.GaussianBlur(rng.normal(0, 1, (70, 90)), (0, 0), 5) > 0
+    gradient, levels = rng.integers(0, 40, region.shape).astype(np.uint16), 10 + 30 * np.exp(-np.arange(27) / 6)
+    squares = np.minimum(np.rint(distances(region).astype(float) ** 2).astype(int), 26)
+    lively = (region & (squares > 1) & (gradient > levels[squares]))[::step].sum() / region[::step].sum()
+    assert 0.05 < lively < 0.9
+    assert _core.lively_share(region.view(np.uint8), gradient, levels, step, 1.0) == pytest.approx(lively, rel=1e-12)
+    assert _core.lively_share(region.view(np.uint8), gradient, levels, step, lively / 2) == 1.0
+
+
+@pytest.mark.parametrize("noise", [0, 2, 4, 8, 12])
+@pytest.mark.parametrize("width", [10, 14, 20, 30])
+def test_a_passage_is_plain_however_narrow_it_is(width: int, noise: float) -> None:
+    """What lies on both sides of it is the edges of its own boundary, which reach to its middle."""
+    passage = np.zeros((300, 300), np.float32)
+    for turn, top in enumerate(range(20, 280 - width, width + 6)):
+        passage[top : top + width, 20:280] = 1
+        if top + 2 * width + 6 < 280:
+            side = slice(280 - width, 280) if turn % 2 == 0 else slice(20, 20 + width)
+            passage[top : top + 2 * width + 6, side] = 1
+    image = 50 + (160 - 6 * noise) * passage + np.random.default_rng(0).normal(0, noise, passage.shape)
+    image = np.clip(cv2.GaussianBlur(image, (0, 0), 0.6), 0, 255).astype(np.uint8)
+    found = segment(image, load_params(None, {"init.circles": [[60, 19.5 + width / 2, width / 2 - 1.5]]}))
+    assert (found.source, found.doubts) == ("gradient", ())
+    assert iou(found.mask, np.where(passage > 0, np.uint8(255), np.uint8(0))) > 0.99
+
+
+def test_a_front_that_still_moves_is_no_faint_edge() -> None:
+    inside = disc_of((900, 1200))(600, 450, 400)
+    image = np.where(inside, 160, 60) + np.random.default_rng(1).normal(0, 5, inside.shape)
+    image = np.clip(np.rint(image), 0, 255).astype(np.uint8)
+    assert segment(image, load_params(None, {"init.radius": 20})).source == "gradient"
+
+
+def test_a_small_part_of_a_clear_boundary_may_be_faint() -> None:
+    y, x = np.indices((400, 500))
+    inside = disc_of((400, 500))(250, 200, 149.99)
+    contrast = np.where(abs(np.arctan2(y - 200, x - 250)) < 0.1, 11.6, 100)  # 3 % of the outline
+    image = 100 + np.where(inside, 0, contrast) + np.random.default_rng(1).normal(0, 5, inside.shape)
+    image = np.clip(np.rint(cv2.GaussianBlur(image, (0, 0), 0.6)), 0, 255).astype(np.uint8)
+    found = segment(image, load_params(None, {"init.radius": 30}))
+    assert (found.source, found.doubts) == ("gradient", ())
+    assert iou(found.mask, np.where(inside, np.uint8(255), np.uint8(0))) > 0.99
+
+
+def test_a_start_across_edges_is_left_to_the_prior() -> None:
+    """It lies on a dark and on a light part of one thing, and may mean either or both."""
+    seen, start = sight("thing", 52, 730_000)
+    found, own = (segment(seen.image, load_params(None, start | {"edges.source": s})) for s in ("auto", "gradient"))
+    assert (found.source, own.doubts) == ("prior", ("start",))
+    assert iou(found.mask, seen.truth) > iou(own.mask, seen.truth) + 0.5
+
+
+def test_specks_round_clicks_are_no_boundary() -> None:
+    """Everything is edges there: a contour that stops on some of them has found nothing."""
+    seen, _ = sight("organ", 18, 720_000)
+    clicks = {"init.circles": [[108, 75, 2.1], [122, 13, 2.1]]}
+    found, own = (segment(seen.image, load_params(None, clicks | {"edges.source": s})) for s in ("auto", "gradient"))
+    assert (found.source, bool(own.score <= 0.5)) == ("hints", True)
+    assert iou(found.mask, seen.truth) > 0.7 > 0.1 > iou(own.mask, seen.truth)
 
 
 @pytest.mark.parametrize("number", [0, 1])
@@ -234,7 +304,7 @@ def test_a_drawn_thing_whose_own_edges_lead_astray_is_left_to_the_prior(number: 
     assert iou(found.mask, seen.truth) > 0.7
 
 
-@pytest.mark.parametrize("contrast", [60, 80, 100])
+@pytest.mark.parametrize("contrast", [75, 90, 110])
 def test_faint_edges_of_a_plain_region_in_noise_are_clear_enough(contrast: int) -> None:
     inside = disc_of((200, 240))(120, 100, 59.99)
     noise = np.random.default_rng(1).normal(0, 25, inside.shape)

@@ -109,6 +109,15 @@ double py_share_within(const ffseg::Points& joints, const ffseg::Indices& ends, 
                                       limits_of({height, width}, domain, margin));
 }
 
+double py_lively(const Bytes& region, const Words& gradient, const ffseg::Array<const double, nb::ndim<1>>& levels,
+                 int step, double most) {
+    const ffseg::Size size = ffseg::size_of(region);
+    ffseg::check_size(gradient, size);
+    ffseg::require(levels.shape(0) > 1 && step > 0, "two levels or more, and a step of 1 or more");
+    return ffseg::edges::lively_share(region.data(), gradient.data(), size,
+                                      {levels.data(), levels.shape(0), step, most});
+}
+
 }  // namespace
 
 void bind_edges(nb::module_& m) {
@@ -130,6 +139,9 @@ void bind_edges(nb::module_& m) {
           "Canny edges (255) from the ridges in `edges`, in place, by hysteresis; thresholds in stored units.");
     m.def("gradients_at", &py_gradients_at, "joints"_a, "gradient"_a, "domain"_a.none(), "margin"_a,
           "The largest of nine gradients at each joint not within `margin` px of the border of image or domain.");
+    m.def("lively_share", &py_lively, "region"_a, "gradient"_a, "levels"_a, "step"_a, "most"_a,
+          "Part of a region, on every `step`-th row, with gradients above the level for the squared distance to the "
+          "nearest pixel outside; the last holds farther inside, and nothing at distance 1. 1 if more than `most`.");
     m.def("share_within", &py_share_within, "joints"_a, "ends"_a, "shape"_a, "domain"_a.none(), "margin"_a,
           "Part of the polygons' length within `margin` px of the border of the image or the domain.");
 }

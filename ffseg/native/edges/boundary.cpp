@@ -27,7 +27,59 @@ bool within(Vec2 at, const Limits& limits) {
     return limits.domain != nullptr && near_outside(at, limits);
 }
 
+struct Offset {
+    int dx, dy, squared;
+};
+
+// Steps to pixels nearer than the last level's distance, nearest first.
+std::vector<Offset> offsets_below(std::size_t count) {
+    const int most = static_cast<int>(count) - 1, reach = static_cast<int>(std::sqrt(most));
+    std::vector<Offset> found;
+    for (int dy = -reach; dy <= reach; ++dy) {
+        for (int dx = -reach; dx <= reach; ++dx) {
+            const int squared = dx * dx + dy * dy;
+            if (squared > 0 && squared < most) found.push_back({dx, dy, squared});
+        }
+    }
+    std::stable_sort(found.begin(), found.end(),
+                     [](const Offset& a, const Offset& b) { return a.squared < b.squared; });
+    return found;
+}
+
+// Squared distance of a pixel to the nearest one outside a region, or `far` where that is no nearer.
+int squared_depth(const std::uint8_t* region, Size size, int x, int y, const std::vector<Offset>& offsets, int far) {
+    for (const Offset& to : offsets) {
+        const int column = x + to.dx, row = y + to.dy;
+        if (column < 0 || row < 0 || column >= size.width || row >= size.height) continue;
+        if (region[static_cast<std::size_t>(row) * static_cast<std::size_t>(size.width) + column] == 0)
+            return to.squared;
+    }
+    return far;
+}
+
 }  // namespace
+
+double lively_share(const std::uint8_t* region, const std::uint16_t* gradient, Size size, const Lively& asked) {
+    const auto width = static_cast<std::size_t>(size.width);
+    const int far = static_cast<int>(asked.count) - 1;
+    std::size_t area = 0, lively = 0;
+    for (int y = 0; y < size.height; y += asked.step) {
+        const std::uint8_t* row = region + static_cast<std::size_t>(y) * width;
+        area += width - static_cast<std::size_t>(std::count(row, row + width, std::uint8_t{0}));
+    }
+    const std::vector<Offset> offsets = offsets_below(asked.count);
+    for (int y = 0; y < size.height; y += asked.step) {
+        const std::size_t begin = static_cast<std::size_t>(y) * width;
+        for (int x = 0; x < size.width; ++x) {
+            const std::size_t at = begin + static_cast<std::size_t>(x);
+            if (gradient[at] <= asked.levels[far] || region[at] == 0) continue;
+            const int depth = squared_depth(region, size, x, y, offsets, far);
+            lively += depth > 1 && gradient[at] > asked.levels[depth];
+        }
+        if (static_cast<double>(lively) > asked.most * static_cast<double>(area)) return 1.0;
+    }
+    return area > 0 ? static_cast<double>(lively) / static_cast<double>(area) : 0.0;
+}
 
 std::vector<std::uint16_t> gradients_at(const std::vector<Vec2>& joints, const std::uint16_t* gradient,
                                         const Limits& limits) {
