@@ -31,9 +31,10 @@ struct Offset {
     int dx, dy, squared;
 };
 
-// Steps to pixels nearer than the last level's distance, nearest first.
-std::vector<Offset> offsets_below(std::size_t count) {
-    const int most = static_cast<int>(count) - 1, reach = static_cast<int>(std::sqrt(most));
+// Steps to pixels nearer than the last level's distance, farthest first: beside a long boundary these soon leave the
+// region.
+std::vector<Offset> offsets_below(int most) {
+    const int reach = static_cast<int>(std::sqrt(most));
     std::vector<Offset> found;
     for (int dy = -reach; dy <= reach; ++dy) {
         for (int dx = -reach; dx <= reach; ++dx) {
@@ -42,19 +43,19 @@ std::vector<Offset> offsets_below(std::size_t count) {
         }
     }
     std::stable_sort(found.begin(), found.end(),
-                     [](const Offset& a, const Offset& b) { return a.squared < b.squared; });
+                     [](const Offset& a, const Offset& b) { return a.squared > b.squared; });
     return found;
 }
 
-// Squared distance of a pixel to the nearest one outside a region, or `far` where that is no nearer.
-int squared_depth(const std::uint8_t* region, Size size, int x, int y, const std::vector<Offset>& offsets, int far) {
-    for (const Offset& to : offsets) {
+// Whether no pixel nearer than this squared distance lies outside a region.
+bool is_as_deep(const std::uint8_t* region, Size size, int x, int y, const std::vector<Offset>& offsets, int squared) {
+    const auto begin =
+        std::partition_point(offsets.begin(), offsets.end(), [&](const Offset& to) { return to.squared >= squared; });
+    return std::all_of(begin, offsets.end(), [&](const Offset& to) {
         const int column = x + to.dx, row = y + to.dy;
-        if (column < 0 || row < 0 || column >= size.width || row >= size.height) continue;
-        if (region[static_cast<std::size_t>(row) * static_cast<std::size_t>(size.width) + column] == 0)
-            return to.squared;
-    }
-    return far;
+        if (column < 0 || row < 0 || column >= size.width || row >= size.height) return true;
+        return region[static_cast<std::size_t>(row) * static_cast<std::size_t>(size.width) + column] != 0;
+    });
 }
 
 }  // namespace
@@ -62,19 +63,28 @@ int squared_depth(const std::uint8_t* region, Size size, int x, int y, const std
 double lively_share(const std::uint8_t* region, const std::uint16_t* gradient, Size size, const Lively& asked) {
     const auto width = static_cast<std::size_t>(size.width);
     const int far = static_cast<int>(asked.count) - 1;
+    const auto noise = static_cast<std::uint16_t>(std::clamp(std::floor(asked.levels[far]), 0.0, 65535.0));
+    const double* end = asked.levels + asked.count;
+    const std::vector<Offset> offsets = offsets_below(far);
+    std::vector<std::uint8_t> seen(width);
     std::size_t area = 0, lively = 0;
     for (int y = 0; y < size.height; y += asked.step) {
         const std::uint8_t* row = region + static_cast<std::size_t>(y) * width;
         area += width - static_cast<std::size_t>(std::count(row, row + width, std::uint8_t{0}));
     }
-    const std::vector<Offset> offsets = offsets_below(asked.count);
     for (int y = 0; y < size.height; y += asked.step) {
         const std::size_t begin = static_cast<std::size_t>(y) * width;
-        for (int x = 0; x < size.width; ++x) {
-            const std::size_t at = begin + static_cast<std::size_t>(x);
-            if (gradient[at] <= asked.levels[far] || region[at] == 0) continue;
-            const int depth = squared_depth(region, size, x, y, offsets, far);
-            lively += depth > 1 && gradient[at] > asked.levels[depth];
+        const std::uint16_t* levels = gradient + begin;
+        const std::uint8_t* row = region + begin;
+        for (std::size_t x = 0; x < width; ++x)
+            seen[x] = static_cast<std::uint8_t>((levels[x] > noise) & (row[x] != 0));
+        for (auto at = std::find(seen.begin(), seen.end(), 1); at != seen.end();
+             at = std::find(at + 1, seen.end(), 1)) {
+            const auto x = static_cast<std::size_t>(at - seen.begin());
+            const double own = levels[x];
+            const auto* below = std::partition_point(asked.levels, end, [&](double level) { return level >= own; });
+            const int squared = std::max(2, static_cast<int>(below - asked.levels));
+            lively += is_as_deep(region, size, static_cast<int>(x), y, offsets, squared);
         }
         if (static_cast<double>(lively) > asked.most * static_cast<double>(area)) return 1.0;
     }
