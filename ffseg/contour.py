@@ -9,10 +9,12 @@ from time import perf_counter
 
 import numpy as np
 
+from ffseg.arrays import Mask
 from ffseg.errors import ParameterError, SegmentationError
 from ffseg.image.boundary import Boundary
 from ffseg.image.checked import refuse_masked
 from ffseg.image.edges import EdgeMap
+from ffseg.image.raster import rasterize
 from ffseg.plugins import method as chosen
 from ffseg.scene import BlockedStartError, Outcome, Scene
 from ffseg.starts.moved import as_circle
@@ -46,6 +48,12 @@ class ContourResult:
     evolve_ms: float
     across: bool = False
     boundary: Boundary | None = None
+
+    def region(self) -> Mask:
+        """Pixels that the contours hold."""
+        if self.boundary is not None:
+            return self.boundary.region
+        return rasterize(self.outcome.contours or (), self.scene.shape)
 
 
 def trial_result(edges: EdgeMap) -> ContourResult | None:

@@ -167,7 +167,7 @@ def region(found: ContourResult) -> tuple[tuple[FreeForm, ...], Mask]:
     outcome, scene = found.outcome, found.scene
     mask = outcome.mask
     if outcome.contours is not None:
-        mask = rasterize(outcome.contours, scene.shape) if mask is None else mask
+        mask = found.region() if mask is None else mask
         if not _begins_outside(scene, mask):
             return outcome.contours, mask
     if mask is None:

@@ -11,7 +11,6 @@ from ffseg.contour import ContourResult, bounded, run
 from ffseg.evidence.gradient import gradient
 from ffseg.image.boundary import CHECK_INTERVAL, Boundary, FaintError, unless_faint
 from ffseg.image.edges import EdgeMap
-from ffseg.image.raster import rasterize
 from ffseg.scene import BlockedStartError, Scene
 from ffseg.starts.rivals import seeds
 from ffseg.starts.sides import on_one_side
@@ -66,7 +65,7 @@ def _holds_clicks_outside(found: ContourResult, scene: Scene) -> bool:
     if not scene.clicked_outside:
         return False
     outside = seeds(scene.params.init.background, scene.start_region(), scene.background)
-    return bool((rasterize(found.outcome.contours or (), scene.shape) & outside).any())
+    return bool((found.region() & outside).any())
 
 
 def _trial(scene: Scene) -> ContourResult | None:
@@ -74,6 +73,8 @@ def _trial(scene: Scene) -> ContourResult | None:
     scene = bounded(scene)
     begin = perf_counter()
     scene, messages, across = on_one_side(scene)
+    if across:
+        return None
     robot = scene.starts if scene.fixed else ()
     watch = unless_faint(scene.edges, MET_STRENGTH, robot)
     try:
@@ -84,9 +85,9 @@ def _trial(scene: Scene) -> ContourResult | None:
         return None
     boundary = Boundary(outcome.contours, scene.edges, robot)
     evolve_ms = (perf_counter() - begin) * 1e3
-    if across or not boundary.is_clear(_least_met(scene)):
+    if not boundary.is_clear(_least_met(scene)):
         return None
-    return ContourResult(scene, outcome, messages, evolve_ms, across, boundary)
+    return ContourResult(scene, outcome, messages, evolve_ms, boundary=boundary)
 
 
 def _least_met(scene: Scene) -> float:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ffseg.arrays import Mask
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import packed_joints
 from ffseg.image.edges import AUTO_HIGH_MIN, GRADIENT_SCALE, EdgeMap
@@ -30,7 +31,7 @@ NOISE_GRADIENT, EDGE_GAIN, EDGE_WIDTH = 0.6, 2.0, 1.8
 strong as half of this is and as wide, in pixels, as the smoothing makes it; the gain leaves room for stronger parts."""
 
 SQUARED_REACH, SAMPLED_ROWS = 50, 64
-"""Pixels: edges at the boundary are not seen as far inside. Rows of a region that are looked at, at least."""
+"""Squared pixels: edges at the boundary are not seen as far inside. Rows of a region that are looked at, at least."""
 
 BORDER_MARGIN = 3
 """Pixels from the border of the image or the domain within which no edge is expected."""
@@ -64,15 +65,13 @@ class Boundary:
         gradients = _core.gradients_at(packed_joints(self._contours)[0], edges.gradient, edges.domain, BORDER_MARGIN)
         self.strength = gradients / high_threshold(edges)
 
-    def is_clear(self, least: float = 0.0, share: float | None = None) -> bool:
+    def is_clear(self, least: float = 0.0) -> bool:
         """Whether the whole boundary lies on clear edges, round a plain region.
 
         Parameters
         ----------
         least : float
-            Parts on less than this strength are left out: a front that still moves.
-        share : float, optional
-            So much of the rest may be fainter, else `FAINT_FRACTION`.
+            Parts on less than this strength are left out.
 
         Returns
         -------
@@ -80,18 +79,27 @@ class Boundary:
             False where no part lies inside the image and the domain, as the region has met no edge, unless the image is
             even: then nobody can tell more of it. True where all parts are left out.
         """
-        fainter, share = np.sort(self.strength[self.strength >= least]), FAINT_FRACTION if share is None else share
-        if len(fainter) == 0:
+        if not (self.strength >= least).any():
             return len(self.strength) > 0 or int(self._edges.gradient.max(initial=0)) < AUTO_HIGH_MIN * GRADIENT_SCALE
-        return bool(fainter[int(share * len(fainter))] >= MIN_STRENGTH) and self._is_plain
+        return self.reached(least, FAINT_FRACTION) >= MIN_STRENGTH and self.is_plain
+
+    def reached(self, least: float, share: float) -> float:
+        """Strength that all but this share of the parts on at least the strength `least` reach; there must be one."""
+        met = np.sort(self.strength[self.strength >= least])
+        return float(met[int(share * len(met))])
 
     def clear_share(self) -> float:
         """Fraction of the boundary on clear edges, from joint to joint; half of it round what is not plain."""
         clear = np.count_nonzero(self.strength >= MIN_STRENGTH)
-        return float((clear + 1) / (len(self.strength) + 1)) / (1 if self._is_plain else 2)
+        return float((clear + 1) / (len(self.strength) + 1)) / (1 if self.is_plain else 2)
 
     @cached_property
-    def _is_plain(self) -> bool:
+    def region(self) -> Mask:
+        """Pixels that the contours hold."""
+        return rasterize(self._contours, self._edges.gradient.shape)
+
+    @cached_property
+    def is_plain(self) -> bool:
         """Whether almost nothing but noise and the boundary's own edges is seen in the region."""
         rows = packed_joints(self._contours)[0][:, 1]
         step = 1 + int(np.ptp(rows)) // SAMPLED_ROWS if len(rows) else 1
@@ -99,9 +107,7 @@ class Boundary:
         edge = EDGE_GAIN * strength * np.exp(-np.arange(SQUARED_REACH + 1) / (2 * EDGE_WIDTH**2))
         edge[-1] = 0.0
         levels = (NOISE_GRADIENT + edge) * high_threshold(self._edges)
-        region = rasterize(self._contours, self._edges.gradient.shape)
-        if self._covered:
-            region &= ~rasterize(self._covered, region.shape)
+        region = self.region & ~rasterize(self._covered, self.region.shape) if self._covered else self.region
         return _core.lively_share(region.view(np.uint8), self._edges.gradient, levels, step, MAX_LIVELY) <= MAX_LIVELY
 
 
@@ -115,10 +121,10 @@ def unless_faint(edges: EdgeMap, least: float, covered: tuple[FreeForm, ...] = (
         if progress.iteration % CHECK_INTERVAL or sum(one.num_patches for one in progress.contours) < MIN_JOINTS:
             return
         met = Boundary(progress.contours, edges, covered)
-        strength = np.sort(met.strength[met.strength >= least])
-        if len(strength) < MIN_JOINTS or strength[int(MAX_DOUBTED_FRACTION * len(strength))] >= SURE_STRENGTH:
+        if np.count_nonzero(met.strength >= least) < MIN_JOINTS:
             return
-        if not met.is_clear(least, MAX_DOUBTED_FRACTION):
+        reached = met.reached(least, MAX_DOUBTED_FRACTION)
+        if reached < MIN_STRENGTH or (reached < SURE_STRENGTH and not met.is_plain):
             raise FaintError
 
     return watch

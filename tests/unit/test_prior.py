@@ -179,9 +179,11 @@ def test_what_looks_only_nearly_alike_is_left_out(kind: str, number: int, monkey
     assert iou(segment(seen.image, params).mask, seen.truth) < found - 0.05
 
 
-@pytest.mark.parametrize("kind", ["thing", "mirror"])
-def test_a_trial_on_faint_edges_ends_early_and_changes_nothing(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    seen, start = sight(kind, 2, 100_000)
+@pytest.mark.parametrize(("kind", "number"), [("thing", 2), ("mirror", 4)])  # starts on one side of all edges
+def test_a_trial_on_faint_edges_ends_early_and_changes_nothing(
+    kind: str, number: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen, start = sight(kind, number, 100_000)
     params, ends = load_params(None, start), []
 
     def told(scene: Scene) -> Outcome:
@@ -225,7 +227,6 @@ def test_strong_edges_are_trusted_round_plain_regions(times: float, texture: flo
     gradient = np.full((80, 100), round(texture * needed), np.uint16)
     x, y = np.rint(ring.control_points[::3]).astype(int).T
     gradient[y, x] = round(times * needed)
-    gradient[30:50, 40:60] = round(texture * needed)
     edges = EdgeMap(gradient, np.zeros((80, 100), np.uint8), None, (5.0, 10.0))
     assert Boundary((ring,), edges).is_clear() == clear
     assert Boundary((ring,), edges).clear_share() == (0.5 if texture > 0.6 else 1.0 if times > 1.5 else 0.04)
