@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ffseg.arrays import Mask
 from ffseg.geometry.freeform import FreeForm
@@ -85,13 +86,17 @@ class Boundary:
 
     def reached(self, least: float, share: float) -> float:
         """Strength that all but this share of the parts on at least the strength `least` reach; there must be one."""
-        met = np.sort(self.strength[self.strength >= least])
-        return float(met[int(share * len(met))])
+        first = int(np.searchsorted(self._ascending, least))
+        return float(self._ascending[first + int(share * (len(self._ascending) - first))])
 
     def clear_share(self) -> float:
         """Fraction of the boundary on clear edges, from joint to joint; half of it round what is not plain."""
         clear = np.count_nonzero(self.strength >= MIN_STRENGTH)
         return float((clear + 1) / (len(self.strength) + 1)) / (1 if self.is_plain else 2)
+
+    @cached_property
+    def _ascending(self) -> NDArray[np.float64]:
+        return np.sort(self.strength)
 
     @cached_property
     def region(self) -> Mask:
@@ -103,7 +108,7 @@ class Boundary:
         """Whether almost nothing but noise and the boundary's own edges is seen in the region."""
         rows = packed_joints(self._contours)[0][:, 1]
         step = 1 + int(np.ptp(rows)) // SAMPLED_ROWS if len(rows) else 1
-        strength = np.median(self.strength) if len(self.strength) else 0.0
+        strength = self._ascending[len(self.strength) // 2] if len(self.strength) else 0.0
         edge = EDGE_GAIN * strength * np.exp(-np.arange(SQUARED_REACH + 1) / (2 * EDGE_WIDTH**2))
         edge[-1] = 0.0
         levels = (NOISE_GRADIENT + edge) * high_threshold(self._edges)

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 #include "common/measures.hpp"
 
@@ -47,11 +48,17 @@ std::vector<Offset> offsets_below(int most) {
     return found;
 }
 
-// Whether no pixel nearer than this squared distance lies outside a region.
-bool is_as_deep(const std::uint8_t* region, Size size, int x, int y, const std::vector<Offset>& offsets, int squared) {
-    const auto begin =
-        std::partition_point(offsets.begin(), offsets.end(), [&](const Offset& to) { return to.squared >= squared; });
-    return std::all_of(begin, offsets.end(), [&](const Offset& to) {
+// The first place from `at` on that is marked with 1; the length if none is.
+std::size_t next(const std::vector<std::uint8_t>& marks, std::size_t at) {
+    if (at >= marks.size()) return marks.size();
+    const void* found = std::memchr(marks.data() + at, 1, marks.size() - at);
+    if (found == nullptr) return marks.size();
+    return static_cast<std::size_t>(static_cast<const std::uint8_t*>(found) - marks.data());
+}
+
+// Whether no pixel of these offsets, from this one on, lies outside a region.
+bool is_deep(const std::uint8_t* region, Size size, int x, int y, const Offset* begin, const Offset* end) {
+    return std::all_of(begin, end, [&](const Offset& to) {
         const int column = x + to.dx, row = y + to.dy;
         if (column < 0 || row < 0 || column >= size.width || row >= size.height) return true;
         return region[static_cast<std::size_t>(row) * static_cast<std::size_t>(size.width) + column] != 0;
@@ -66,6 +73,12 @@ double lively_share(const std::uint8_t* region, const std::uint16_t* gradient, S
     const auto noise = static_cast<std::uint16_t>(std::clamp(std::floor(asked.levels[far]), 0.0, 65535.0));
     const double* end = asked.levels + asked.count;
     const std::vector<Offset> offsets = offsets_below(far);
+    std::vector<const Offset*> nearer;  // for each squared distance, the first of the offsets below it
+    for (int squared = 0; squared <= std::max(far, 2); ++squared) {
+        const auto is_farther = [&](const Offset& to) { return to.squared >= squared; };
+        nearer.push_back(offsets.data() +
+                         (std::partition_point(offsets.begin(), offsets.end(), is_farther) - offsets.begin()));
+    }
     std::vector<std::uint8_t> seen(width);
     std::size_t area = 0, lively = 0;
     for (int y = 0; y < size.height; y += asked.step) {
@@ -78,13 +91,11 @@ double lively_share(const std::uint8_t* region, const std::uint16_t* gradient, S
         const std::uint8_t* row = region + begin;
         for (std::size_t x = 0; x < width; ++x)
             seen[x] = static_cast<std::uint8_t>((levels[x] > noise) & (row[x] != 0));
-        for (auto at = std::find(seen.begin(), seen.end(), 1); at != seen.end();
-             at = std::find(at + 1, seen.end(), 1)) {
-            const auto x = static_cast<std::size_t>(at - seen.begin());
+        for (std::size_t x = next(seen, 0); x < width; x = next(seen, x + 1)) {
             const double own = levels[x];
             const auto* below = std::partition_point(asked.levels, end, [&](double level) { return level >= own; });
             const int squared = std::max(2, static_cast<int>(below - asked.levels));
-            lively += is_as_deep(region, size, static_cast<int>(x), y, offsets, squared);
+            lively += is_deep(region, size, static_cast<int>(x), y, nearer[squared], offsets.data() + offsets.size());
         }
         if (static_cast<double>(lively) > asked.most * static_cast<double>(area)) return 1.0;
     }
