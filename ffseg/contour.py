@@ -11,6 +11,7 @@ import numpy as np
 
 from ffseg.arrays import Mask
 from ffseg.errors import ParameterError, SegmentationError
+from ffseg.geometry.freeform import FreeForm
 from ffseg.image.boundary import Boundary
 from ffseg.image.checked import refuse_masked
 from ffseg.image.edges import EdgeMap
@@ -48,6 +49,12 @@ class ContourResult:
     evolve_ms: float
     across: bool = False
     boundary: Boundary | None = None
+
+    def boundary_of(self, contours: tuple[FreeForm, ...]) -> Boundary:
+        """How clear the edges are along these contours: measured already if they are the method's own."""
+        if self.boundary is not None and contours == self.outcome.contours:
+            return self.boundary
+        return Boundary(contours, self.scene.edges, self.scene.covered)
 
     def region(self) -> Mask:
         """Pixels that the contours hold."""

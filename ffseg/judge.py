@@ -13,7 +13,7 @@ from ffseg.evidence.maps import probability
 from ffseg.evidence.surroundings import STRIDE, strided
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import packed_joints
-from ffseg.image.boundary import BORDER_MARGIN, Boundary
+from ffseg.image.boundary import BORDER_MARGIN
 from ffseg.native import _core
 from ffseg.scene import Scene
 
@@ -66,13 +66,9 @@ def judge_region(
     """
     domain = scene.disc if scene.domain is None else scene.domain
     doubts = tuple(_doubts(found, contours, mask, domain))
-    edges = found.scene.edges
-    if edges.odds is not None:
-        sure = calibrated(expected_overlap(edges.odds, mask))
-    elif found.boundary is not None and contours == found.outcome.contours:
-        sure = found.boundary.clear_share()
-    else:
-        sure = Boundary(contours, edges).clear_share()
+    odds = found.scene.edges.odds
+    overlap = None if odds is None else expected_overlap(odds, mask)
+    sure = found.boundary_of(contours).clear_share() if overlap is None else calibrated(overlap)
     return min([sure, *(doubt.most for doubt in doubts)]), doubts
 
 

@@ -193,6 +193,11 @@ class Scene:
         return self.center is not None and self.params.init.center == "auto"
 
     @property
+    def covered(self) -> tuple[FreeForm, ...]:
+        """Starts in which a camera sees its own robot: what is seen there says nothing of the ground round it."""
+        return self.starts if self.fixed else ()
+
+    @property
     def shuts_passages(self) -> bool:
         """Whether passages that are too narrow are closed, so that contours end there without an edge."""
         return self.params.contour.clearance > 0 or self.footprint is not None

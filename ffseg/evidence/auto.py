@@ -75,15 +75,14 @@ def _trial(scene: Scene) -> ContourResult | None:
     scene, messages, across = on_one_side(scene)
     if across:
         return None
-    robot = scene.starts if scene.fixed else ()
-    watch = unless_faint(scene.edges, MET_STRENGTH, robot)
+    watch = unless_faint(scene.edges, MET_STRENGTH, scene.covered)
     try:
         outcome = run(replace(scene, callback=watch, every=CHECK_INTERVAL))
     except (BlockedStartError, FaintError):
         return None
     if outcome.contours is None:
         return None
-    boundary = Boundary(outcome.contours, scene.edges, robot)
+    boundary = Boundary(outcome.contours, scene.edges, scene.covered)
     evolve_ms = (perf_counter() - begin) * 1e3
     if not boundary.is_clear(_least_met(scene)):
         return None

@@ -27,6 +27,7 @@ from ffseg.learning.drawn.sights import Sight, sights
 from ffseg.metrics import iou
 from ffseg.native import _core
 from ffseg.parameters import load_params
+from ffseg.pipeline import segment as segment_scene
 from ffseg.scene import Outcome, Progress, Scene
 from tests.discs import disc_of
 from tests.scenes import START, START_RADIUS, scene
@@ -230,6 +231,18 @@ def test_strong_edges_are_trusted_round_plain_regions(times: float, texture: flo
     edges = EdgeMap(gradient, np.zeros((80, 100), np.uint8), None, (5.0, 10.0))
     assert Boundary((ring,), edges).is_clear() == clear
     assert Boundary((ring,), edges).clear_share() == (0.5 if texture > 0.6 else 1.0 if times > 1.5 else 0.04)
+
+
+def test_what_a_camera_sees_of_its_robot_says_nothing_of_the_ground() -> None:
+    """The robot in the start is as lively as can be; the ground round it is plain up to clear edges."""
+    image = cv2.circle(np.full((240, 320), 60, np.uint8), (160, 120), 100, 180, -1)
+    robot = cv2.circle(np.zeros_like(image), (160, 120), 24, 1, -1) > 0
+    image[robot] = np.random.default_rng(0).integers(0, 256, robot.sum())
+    for source in ("auto", "gradient"):
+        params = load_params(None, {"edges.source": source, "init.center": "auto", "init.radius": 30})
+        found = segment_scene(Scene(image, params, center=(160.0, 120.0), robot=30.0))
+        assert (found.source, found.score) == ("gradient", 1.0)
+    assert segment_scene(Scene(image, params)).score == 0.5
 
 
 @pytest.mark.parametrize("step", [1, 3])
