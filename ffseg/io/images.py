@@ -248,7 +248,8 @@ def _note(header: Header) -> str:
     notes = []
     if header.several:
         part = "page" if header.format == "TIFF" else "frame"
-        notes.append(f"only the first {part} was read; the {header.format} file has more")
+        remedy = "" if header.format == "AVIF" else ": ffseg run --film takes all"
+        notes.append(f"only the first {part} was read; the {header.format} file has more{remedy}")
     if header.orientation > 1:
         turned = f"turned upright as EXIF orientation {header.orientation} says"
         notes.append(f"{turned}; readers that ignore it see other pixels than the mask's")

@@ -212,8 +212,15 @@ def test_the_row_of_a_stack_says_that_one_page_was_read(ffseg_command: Command, 
         (images / "film.gif").unlink()
     ffseg_command("run", images, "--out", tmp_path / "out", *START, code=0)
     notes = {row["image"]: row["note"] for row in table(tmp_path / "out" / "timings.csv") if row["note"]}
-    film = {"film.gif": "only the first frame was read; the GIF file has more"} if READS_GIF else {}
-    assert notes == {"stack.tif": "only the first page was read; the TIFF file has more", **film}
+    film = (
+        {"film.gif": "only the first frame was read; the GIF file has more: ffseg run --film takes all"}
+        if READS_GIF
+        else {}
+    )
+    assert notes == {
+        "stack.tif": "only the first page was read; the TIFF file has more: ffseg run --film takes all",
+        **film,
+    }
 
 
 def test_the_summary_says_iou_and_what_stopped(ffseg_command: Command, images: Path, tmp_path: Path, out: Path) -> None:

@@ -195,7 +195,9 @@ def test_frames_that_are_not_read_are_told(tmp_path: Path, ffseg_command: Comman
     frames = [Image.new("L", (40, 30), level) for level in (60, 200)]
     frames[0].save(tmp_path / "film.gif", save_all=True, append_images=frames[1:])
     done = ffseg_command("segment", "film.gif", "a.png", "--set", "init.radius=5", cwd=tmp_path, code=0)
-    assert done.stderr.startswith("ffseg: only the first frame was read; the GIF file has more\n")
+    assert done.stderr.startswith(
+        "ffseg: only the first frame was read; the GIF file has more: ffseg run --film takes all\n"
+    )
 
 
 @pytest.mark.parametrize("error", [MemoryError(), cv2.error("no memory")], ids=["Python", "OpenCV"])

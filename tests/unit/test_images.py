@@ -220,8 +220,14 @@ def test_first_of_several_frames_is_read(kind: str, options: dict[str, object]) 
 
 
 def test_the_note_on_several_frames_names_what_was_read() -> None:
-    assert read_picture(_frames("WEBP"))[1] == "only the first frame was read; the WebP file has more"
-    assert read_picture(_frames("TIFF"))[1] == "only the first page was read; the TIFF file has more"
+    assert (
+        read_picture(_frames("WEBP"))[1]
+        == "only the first frame was read; the WebP file has more: ffseg run --film takes all"
+    )
+    assert (
+        read_picture(_frames("TIFF"))[1]
+        == "only the first page was read; the TIFF file has more: ffseg run --film takes all"
+    )
     assert read_picture(bad_images.plain_files()["tif"])[1] == ""
 
 
