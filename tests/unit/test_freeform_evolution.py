@@ -12,6 +12,7 @@ from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.edges import edge_map
 from ffseg.image.raster import rasterize
+from ffseg.learning.drawn.sights import KINDS, sights
 from ffseg.parameters import load_params
 from ffseg.plugins import METHODS
 from ffseg.scene import Scene
@@ -188,3 +189,20 @@ def test_contours_that_overlap_a_little_once_settled_are_drawn_apart() -> None:
     made = evolution(starts, gradient=FLAT)
     assert self_intersections(contours(made)) == []
     assert areas(made) == pytest.approx([pi * 20**2] * 2, rel=0.02)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_result_crosses_itself(kind: str) -> None:
+    """Texture stops a front everywhere: one of three such results crossed itself when all was tested anew each round."""
+    for seen in sights(kind, 3, 830_000):
+        start = {"init.circles": [list(seen.start)]}
+        for source in ("auto", "gradient"):
+            found = ffseg.segment(seen.image, load_params(None, {**start, "edges.source": source}))
+            assert self_intersections(found.contours) == []
+
+
+def test_a_small_contour_that_still_crosses_another_is_dropped() -> None:
+    """Three patches beside the mirror's rim, which no smoothing parts from the contour round them."""
+    seen = list(sights("mirror", 9, 810_000))[-1]
+    found = ffseg.segment(seen.image, load_params(None, {"init.circles": [list(seen.start)]}))
+    assert self_intersections(found.contours) == []

@@ -32,6 +32,13 @@ struct Piece {
     std::array<Vec2, D + 1> control;
     Box box;
     bool onward;  // the control polygon advances along its chord
+    bool moved;   // since crossings were last looked for
+
+    bool same_as(const Piece& o) const {
+        return place == o.place && prev == o.prev && next == o.next &&
+               std::equal(control.begin(), control.end(), o.control.begin(),
+                          [](Vec2 a, Vec2 b) { return a.x == b.x && a.y == b.y; });
+    }
 
     Vec2 entering() const { return control[1] - control[0]; }
     Vec2 leaving() const { return control[D] - control[D - 1]; }
@@ -121,6 +128,20 @@ bool touch(const std::array<Vec2, N>& p, const std::array<Vec2, N>& q, double ne
             const std::size_t j = reached.chords[k];
             if (segments_cross(p[i], p[i + 1], q[j], q[j + 1])) return true;
             if (near > 0 && off_joint && distance2(p[i], q[j], q[j + 1]) < near * near) return true;
+        }
+    }
+    return false;
+}
+
+// Does a chord of one polygon come so near to one of another that their boxes, widened by this much, meet?
+template <std::size_t N>
+bool meet_within(const std::array<Vec2, N>& p, const std::array<Vec2, N>& q, double by) {
+    const Near<N> reached(q, widened(box_of(p.data(), N), by));
+    for (std::size_t i = 0; reached.count > 0 && i + 1 < N; ++i) {
+        const Box box = widened(box_of(&p[i], 2), by);
+        if (!box.meets(reached.around)) continue;
+        for (std::size_t k = 0; k < reached.count; ++k) {
+            if (box.meets(reached.boxes[k])) return true;
         }
     }
     return false;

@@ -15,7 +15,8 @@ constexpr int kUntangleRounds = 24;
 constexpr int kSmoothingRounds = 8;
 // Rounds after which a component that still crosses itself is divided at the crossing.
 constexpr int kDivideRound = 16;
-// A component of at most this many samples that still winds over itself then is replaced by its convex hull.
+// A component of at most this many samples that still winds over itself then is replaced by its convex hull, and
+// dropped if that crosses something, too.
 constexpr std::size_t kSmallComponent = 64;
 // Samples that may be re-laid in one round of cutting loops, as a multiple of all samples.
 constexpr std::size_t kMaxLaid = 64;
@@ -91,11 +92,22 @@ public:
             if (components_[place.component].size() <= kSmallComponent) replace_by_hull(components_[place.component]);
         }
         if (!crossings_.places().empty()) crossings_.find();
+        while (components_.size() > 1 && drop_smallest()) crossings_.find();
         return crossings_.places().empty();
     }
 
 private:
     using Loops = std::vector<std::pair<Place, Place>>;
+
+    // Drops the smallest component that crosses something, if it is small.
+    bool drop_smallest() {
+        const auto size = [this](const Place& place) { return components_[place.component].size(); };
+        const auto less = [&](const Place& a, const Place& b) { return size(a) < size(b); };
+        const auto least = std::min_element(crossings_.places().begin(), crossings_.places().end(), less);
+        if (least == crossings_.places().end() || size(*least) > kSmallComponent) return false;
+        components_.erase(components_.begin() + static_cast<std::ptrdiff_t>(least->component));
+        return true;
+    }
 
     // Smooths the samples of a patch and draws them back towards the region.
     void smooth(const Place& place) {
