@@ -100,7 +100,7 @@ def nearest_free_circle(start: FreeForm, room: Plane, own: Mask | None) -> tuple
     old = as_circle(start)
     y, x = np.ogrid[: room.shape[0], : room.shape[1]]
     kept = np.minimum(room, old.radius)
-    cost = np.hypot(x - old.x, y - old.y) + SIZE_WEIGHT * (old.radius - kept)
+    cost = np.sqrt((x - old.x) ** 2 + (y - old.y) ** 2) + SIZE_WEIGHT * (old.radius - kept)
     possible = room >= MIN_START_RADIUS
     if own is not None and (possible & own).any():
         possible &= own

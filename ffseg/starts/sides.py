@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from math import ceil, hypot
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,7 +28,10 @@ EDGE_REACH = 3
 """Pixels: what is open ground depends on edges no farther away."""
 
 SEARCH_RADII = 1 + SIZE_WEIGHT
-"""Search distance from the centre of the start, in radii: farther places cost more than the worst that would be accepted."""
+"""Search distance from the centre of a start that reaches outside the domain, in radii."""
+
+WORST_COST = 1 + SIZE_WEIGHT * (1 - MIN_KEPT_RADIUS)
+"""Radii: what the worst place costs that would be accepted for a start across an edge. No farther place is looked at."""
 
 
 def on_one_side(scene: Scene) -> tuple[Scene, tuple[str, ...], bool]:
@@ -64,8 +68,8 @@ def on_one_side(scene: Scene) -> tuple[Scene, tuple[str, ...], bool]:
     messages, across = [], False
     free = free_pixels(scene.edges.edges, scene.domain, scene.params.contour.clearance)
     for at in crossed:
-        what, most = ("the domain's limit", SEARCH_RADII) if at in beyond else ("an edge", 1)
-        old, new = _moved(scene.starts[at], free, sides, widest=scene.disc is not None)
+        what, most, reach = ("the domain's limit", *(SEARCH_RADII,) * 2) if at in beyond else ("an edge", 1, WORST_COST)
+        old, new = _moved(scene.starts[at], free, sides, reach, widest=scene.disc is not None)
         before, after = (one.enlarged(scene.factor) for one in (old, new))
         if new.radius >= MIN_KEPT_RADIUS * old.radius and hypot(new.x - old.x, new.y - old.y) <= most * old.radius:
             starts[at] = circle_start((new.x, new.y, new.radius), scene.params)
@@ -88,18 +92,20 @@ def _window(start: Circle, reach: float) -> tuple[tuple[slice, slice], tuple[int
     return np.s_[top : int(start.y + reach) + 1, left : int(start.x + reach) + 1], (left, top)
 
 
-def _moved(start: FreeForm, free: Mask, sides: NDArray[np.int32], *, widest: bool = False) -> tuple[Circle, Circle]:
+def _moved(
+    start: FreeForm, free: Mask, sides: NDArray[np.int32], reach: float, *, widest: bool = False
+) -> tuple[Circle, Circle]:
     """A start as a circle, and the cheapest free circle on the side that holds most of it, or on the widest of all sides.
 
     Under a mirror the widest is meant: a start round the middle shows mostly the robot's own disc.
 
-    Notes
-    -----
-    Places farther off than ``SEARCH_RADII`` radii cost more than any that would be taken, and what is free a radius beyond
-    them does not matter: only that much of the image is looked at.
+    Parameters
+    ----------
+    reach : float
+        Radii within which places are looked at. What is free a radius beyond them does not matter.
     """
     old = as_circle(start)
-    window, (left, top) = _window(old, (SEARCH_RADII + 1) * old.radius + SPARE_MARGIN + 2)
+    window, (left, top) = _window(old, (reach + 1) * old.radius + SPARE_MARGIN + 2)
     room = clear_distances(free[window]) - SPARE_MARGIN
     near = FreeForm(start.control_points - (left, top), start.degree)
     under = sides[window][rasterize([near], room.shape)]
@@ -136,11 +142,11 @@ def _num_sides(start: FreeForm, sides: NDArray[np.int32]) -> int:
     points = np.vstack([points, points[:1]])
     passed = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     steps = np.arange(0.0, passed[-1], 0.5)
-    x, y = (np.rint(np.interp(steps, passed, points[:, axis])).astype(np.intp) + 1 for axis in (0, 1))
-    left, top = (max(int(at.min()) - 2, 0) for at in (x, y))
-    sides, x, y = sides[top : max(int(y.max()), 0) + 1, left : max(int(x.max()), 0) + 1], x - left, y - top
-    around = np.pad(sides, 2)
-    inside = (x >= 0) & (y >= 0) & (x < sides.shape[1] + 2) & (y < sides.shape[0] + 2)
-    down, across = np.mgrid[0:3, 0:3].reshape(2, 9, 1)
-    touched = around[y[inside] + down, x[inside] + across]
-    return int(np.count_nonzero(np.bincount(touched.ravel())[1:]))
+    x, y = (np.rint(np.interp(steps, passed, points[:, axis])).astype(np.intp) for axis in (0, 1))
+    left, top = (max(int(at.min()) - 1, 0) for at in (x, y))
+    sides, x, y = sides[top : max(int(y.max()) + 2, 0), left : max(int(x.max()) + 2, 0)], x - left + 1, y - top + 1
+    rim = np.zeros((sides.shape[0] + 2, sides.shape[1] + 2), np.uint8)  # what passes just beside the image touches it
+    inside = (x >= 0) & (y >= 0) & (x < rim.shape[1]) & (y < rim.shape[0])
+    rim[y[inside], x[inside]] = 1
+    near = cv2.dilate(rim, np.ones((3, 3), np.uint8))[1:-1, 1:-1].view(np.bool_)
+    return int(np.count_nonzero(np.bincount(sides[near])[1:]))
