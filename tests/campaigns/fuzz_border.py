@@ -140,6 +140,17 @@ def edge_maps(core: ModuleType, draws: Draws) -> None:
     core.canny_auto(gradient, draws.domain(), *numbers, edges)
 
 
+def boundaries(core: ModuleType, draws: Draws) -> None:
+    """What is seen along a boundary, and how plain the region in it is."""
+    gradient, margin = draws.plane(np.uint16, 1 << 16), draws.count([1, 3])
+    core.gradients_at(draws.rows(20, 2), gradient, draws.domain(), margin)
+    points, ends = draws.contours(1)
+    core.share_within(points, ends, draws.shape, draws.domain(), margin)
+    levels = draws.rows(int(draws.rng.choice([1, 2, 3, 51])), 1, 1e5)[:, 0].copy()
+    share = core.lively_share(draws.marks(), gradient, levels, draws.count([1, 3]), draws.number([0, 0.01, 1]))
+    assert 0 <= share <= 1
+
+
 def level_sets(core: ModuleType, draws: Draws) -> None:
     inside, stop = draws.marks(), draws.count([1, 64, 65536])
     core.mask_outlines(inside)
@@ -204,7 +215,7 @@ def packed(core: ModuleType, draws: Draws) -> None:
     core.packbits_size(data)
 
 
-TARGETS = (evolve, rasterize, edge_maps, level_sets, snakes, pairs, interest, lists, packed)
+TARGETS = (evolve, rasterize, edge_maps, boundaries, level_sets, snakes, pairs, interest, lists, packed)
 
 
 def fuzz(core: ModuleType, work: Path, cases: range, seed: int) -> Counter[str]:

@@ -113,7 +113,8 @@ double py_lively(const Bytes& region, const Words& gradient, const ffseg::Array<
                  int step, double most) {
     const ffseg::Size size = ffseg::size_of(region);
     ffseg::check_size(gradient, size);
-    ffseg::require(levels.shape(0) > 1 && step > 0, "two levels or more, and a step of 1 or more");
+    const bool given = levels.shape(0) > 1 && levels.data()[levels.shape(0) - 1] >= 0;
+    ffseg::require(given && step > 0, "two levels or more, the last at least 0, and a step of 1 or more");
     return ffseg::edges::lively_share(region.data(), gradient.data(), size,
                                       {levels.data(), levels.shape(0), step, most});
 }
