@@ -28,10 +28,8 @@ EDGE_REACH = 3
 """Pixels: what is open ground depends on edges no farther away."""
 
 SEARCH_RADII = 1 + SIZE_WEIGHT
-"""Search distance from the centre of a start that reaches outside the domain, in radii."""
-
-WORST_COST = 1 + SIZE_WEIGHT * (1 - MIN_KEPT_RADIUS)
-"""Radii: what the worst place costs that would be accepted for a start across an edge. No farther place is looked at."""
+"""Search distance from the centre of the start, in radii; less where what is farther costs more than the worst that would be
+accepted."""
 
 
 def on_one_side(scene: Scene) -> tuple[Scene, tuple[str, ...], bool]:
@@ -68,8 +66,8 @@ def on_one_side(scene: Scene) -> tuple[Scene, tuple[str, ...], bool]:
     messages, across = [], False
     free = free_pixels(scene.edges.edges, scene.domain, scene.params.contour.clearance)
     for at in crossed:
-        what, most, reach = ("the domain's limit", *(SEARCH_RADII,) * 2) if at in beyond else ("an edge", 1, WORST_COST)
-        old, new = _moved(scene.starts[at], free, sides, reach, widest=scene.disc is not None)
+        what, most = ("the domain's limit", SEARCH_RADII) if at in beyond else ("an edge", 1)
+        old, new = _moved(scene.starts[at], free, sides, most, widest=scene.disc is not None)
         before, after = (one.enlarged(scene.factor) for one in (old, new))
         if new.radius >= MIN_KEPT_RADIUS * old.radius and hypot(new.x - old.x, new.y - old.y) <= most * old.radius:
             starts[at] = circle_start((new.x, new.y, new.radius), scene.params)
@@ -93,7 +91,7 @@ def _window(start: Circle, reach: float) -> tuple[tuple[slice, slice], tuple[int
 
 
 def _moved(
-    start: FreeForm, free: Mask, sides: NDArray[np.int32], reach: float, *, widest: bool = False
+    start: FreeForm, free: Mask, sides: NDArray[np.int32], most: float, *, widest: bool = False
 ) -> tuple[Circle, Circle]:
     """A start as a circle, and the cheapest free circle on the side that holds most of it, or on the widest of all sides.
 
@@ -101,10 +99,11 @@ def _moved(
 
     Parameters
     ----------
-    reach : float
-        Radii within which places are looked at. What is free a radius beyond them does not matter.
+    most : float
+        Radii by which it may move. Places are looked at as far as one costs no more than the worst that would be taken, and
+        what is free a radius beyond them does not matter.
     """
-    old = as_circle(start)
+    old, reach = as_circle(start), min(most + SIZE_WEIGHT * (1 - MIN_KEPT_RADIUS), SEARCH_RADII)
     window, (left, top) = _window(old, (reach + 1) * old.radius + SPARE_MARGIN + 2)
     room = clear_distances(free[window]) - SPARE_MARGIN
     near = FreeForm(start.control_points - (left, top), start.degree)

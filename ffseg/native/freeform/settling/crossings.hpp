@@ -133,7 +133,8 @@ private:
         const Outline p = outline(a), q = outline(b);
         if (touch(p, q, 0.0)) return true;
         const double bend = sagitta(p) + sagitta(q);
-        if (bend < kFlat || !meet_within(p, q, kBendMargin * bend)) return false;
+        constexpr auto any = [](std::size_t, std::size_t) { return true; };
+        if (bend < kFlat || !any_meeting(p, q, kBendMargin * bend, any)) return false;
         tests_ += kFineTests * D;
         return cross_finely(a, b);
     }

@@ -115,36 +115,29 @@ struct Near {
     }
 };
 
-// Do two polygons cross, or come nearer than `near` to each other beside the end of the first?
-template <std::size_t N>
-bool touch(const std::array<Vec2, N>& p, const std::array<Vec2, N>& q, double near) {
+// Does any chord of one polygon, and one of another whose boxes meet once widened by `near`, pass a test of their
+// numbers?
+template <std::size_t N, class Test>
+bool any_meeting(const std::array<Vec2, N>& p, const std::array<Vec2, N>& q, double near, const Test& passes) {
     const Near<N> reached(q, widened(box_of(p.data(), N), near));
     for (std::size_t i = 0; reached.count > 0 && i + 1 < N; ++i) {
         const Box box = widened(box_of(&p[i], 2), near);
         if (!box.meets(reached.around)) continue;
-        const bool off_joint = norm2(p[i] - p.back()) > 25 * near * near;
         for (std::size_t k = 0; k < reached.count; ++k) {
-            if (!box.meets(reached.boxes[k])) continue;
-            const std::size_t j = reached.chords[k];
-            if (segments_cross(p[i], p[i + 1], q[j], q[j + 1])) return true;
-            if (near > 0 && off_joint && distance2(p[i], q[j], q[j + 1]) < near * near) return true;
+            if (box.meets(reached.boxes[k]) && passes(i, reached.chords[k])) return true;
         }
     }
     return false;
 }
 
-// Does a chord of one polygon come so near to one of another that their boxes, widened by this much, meet?
+// Do two polygons cross, or come nearer than `near` to each other beside the end of the first?
 template <std::size_t N>
-bool meet_within(const std::array<Vec2, N>& p, const std::array<Vec2, N>& q, double by) {
-    const Near<N> reached(q, widened(box_of(p.data(), N), by));
-    for (std::size_t i = 0; reached.count > 0 && i + 1 < N; ++i) {
-        const Box box = widened(box_of(&p[i], 2), by);
-        if (!box.meets(reached.around)) continue;
-        for (std::size_t k = 0; k < reached.count; ++k) {
-            if (box.meets(reached.boxes[k])) return true;
-        }
-    }
-    return false;
+bool touch(const std::array<Vec2, N>& p, const std::array<Vec2, N>& q, double near) {
+    return any_meeting(p, q, near, [&](std::size_t i, std::size_t j) {
+        if (segments_cross(p[i], p[i + 1], q[j], q[j + 1])) return true;
+        const bool off_joint = norm2(p[i] - p.back()) > 25 * near * near;
+        return near > 0 && off_joint && distance2(p[i], q[j], q[j + 1]) < near * near;
+    });
 }
 
 // The curve of a patch from its sample k to the next.
