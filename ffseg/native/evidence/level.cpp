@@ -17,9 +17,9 @@ constexpr float kFarBell = 4.0F;
 constexpr float kFar = 1e6F;
 constexpr float kDiagonal = 1.41421356F;
 
-float bell(float distance, float deviation) {
-    const float scaled = distance / deviation;
-    return scaled > kFarBell ? 0.0F : exponential(-0.5F * scaled * scaled);
+FFSEG_PART inline float bell(float distance, float deviation) {
+    const float scaled = distance / deviation, seen = scaled > kFarBell ? 0.0F : 1.0F;
+    return exponential(-0.5F * scaled * scaled) * seen;  // a product, where choices would wait for each pixel
 }
 
 // 1 where a value differs in sign from a neighbour to the left or right, above or below.
@@ -148,6 +148,30 @@ bool far_from_all(const float* above, const float* distances, int count, float u
 // Pixels that are looked at together, most of them far from the level.
 constexpr int kTogether = 32;
 
+// The gradient of some pixels within the window and where the map is undecided, with a ridge.
+FFSEG_CLONES
+void write_ridge(const float* above, const float* distances, int count, const LevelOptions& options,
+                 std::uint16_t* gradient) {
+    const float margin = options.undecided, snap = options.snap, thin = options.width, height = options.height;
+    FFSEG_APART
+    for (int i = 0; i < count; ++i) {
+        const float distance = distances[i], away = std::abs(above[i]) < margin ? 0.0F : distance;
+        const float sum = static_cast<float>(gradient[i]) * bell(away, snap) + height * bell(distance, thin);
+        gradient[i] = static_cast<std::uint16_t>(static_cast<int>(std::min(sum + 0.5F, 65535.0F)));
+    }
+}
+
+// The edges of some pixels where the map is undecided, and those of the level.
+FFSEG_CLONES
+void write_edges(const float* above, const std::uint8_t* crossing, int count, float margin, std::uint8_t* edges) {
+    FFSEG_APART
+    for (int i = 0; i < count; ++i) {
+        const int own = edges[i] != 0, beside = crossing[i], undecided = std::abs(above[i]) < margin;
+        const int below = above[i] < 0;
+        edges[i] = static_cast<std::uint8_t>(-((own & undecided) | (beside & below)));
+    }
+}
+
 }  // namespace
 
 void level_edges(const float* above, Size size, const LevelOptions& options, std::uint16_t* gradient,
@@ -156,25 +180,14 @@ void level_edges(const float* above, Size size, const LevelOptions& options, std
     const std::vector<std::uint8_t> crossing = crossings(above, size);
     const Plane distances = Distances(above, size, reach).from(crossing);
     for (std::size_t first = 0; first < size.count(); first += kTogether) {
-        const std::size_t end = std::min(size.count(), first + kTogether);
-        if (far_from_all(above + first, distances.data() + first, static_cast<int>(end - first), options.undecided,
-                         reach)) {
-            std::fill(gradient + first, gradient + end, std::uint16_t{0});
-            std::fill(edges + first, edges + end, std::uint8_t{0});
-            continue;
-        }
-        for (std::size_t i = first; i < end; ++i) {
-            const bool undecided = std::abs(above[i]) < options.undecided;
-            if (!undecided && distances[i] > reach) {
-                gradient[i] = 0;
-                edges[i] = 0;
-                continue;
-            }
-            const float share = undecided ? 1.0F : bell(distances[i], options.snap);
-            const float ridge = options.height * bell(distances[i], options.width);
-            const float sum = static_cast<float>(gradient[i]) * share + ridge;
-            gradient[i] = static_cast<std::uint16_t>(std::min(sum + 0.5F, 65535.0F));
-            edges[i] = (above[i] < 0 && crossing[i] != 0) || (undecided && edges[i] != 0) ? 255 : 0;
+        const int count = static_cast<int>(std::min<std::size_t>(size.count() - first, kTogether));
+        const float *values = above + first, *apart = distances.data() + first;
+        if (far_from_all(values, apart, count, options.undecided, reach)) {
+            std::fill_n(gradient + first, count, std::uint16_t{0});
+            std::fill_n(edges + first, count, std::uint8_t{0});
+        } else {
+            write_ridge(values, apart, count, options, gradient + first);
+            write_edges(values, crossing.data() + first, count, options.undecided, edges + first);
         }
     }
 }
