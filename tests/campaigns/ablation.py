@@ -75,7 +75,11 @@ CORE: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("patches that miss the ridge are split", "std::abs(off) > kRidgeMiss", "false"),
         ("a last look at the ridge", "project(0.0, -1.0, 1.0);", ""),
     ),
-    "evolution.cpp": (("settled contours are untangled", "if (options.topology) settling::Untangle<D>(settled_).run();", ""),),
+    "evolution.cpp": (
+        ("settled contours are untangled", "settling::Untangle<D>(settled).run();", ""),
+        ("... and dropped where they bound nothing",
+         "if (!bounding[i]) settled.erase(settled.begin() + static_cast<std::ptrdiff_t>(i));", ""),
+    ),
 }  # fmt: skip
 """Of each file the rules, some text that is one, and what stands in its place without it."""
 COVERED = {
@@ -84,7 +88,7 @@ COVERED = {
         ("if ((real && small == inner) || is_nested(contour, small)) drop(contour, small);", ""),
         ("if (contains(contour, outer, contour[within].m[0])) drop_or_wait(within);", ""),
     ),
-    "evolution.cpp": (("if (contour_.options.topology) topology::drop_nested(contour_);", ""),),
+    "evolution.cpp": (("if (!bounding[i]) topology::drop(contour_, loops[i]);", ""),),
 }
 
 

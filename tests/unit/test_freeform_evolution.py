@@ -192,13 +192,35 @@ def test_contours_that_overlap_a_little_once_settled_are_drawn_apart() -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_no_result_crosses_itself(kind: str) -> None:
+@pytest.mark.parametrize(
+    ("seed", "settings"),
+    [
+        (830_000, {}),
+        (830_000, {"edges.source": "gradient"}),
+        (840_000, {"contour.settle": 0, "contour.refine": False}),
+        (840_000, {"contour.degree": 5, "contour.split_threshold": 2}),
+    ],
+    ids=["default", "gradient", "not settled", "short patches"],
+)
+def test_no_result_crosses_itself(kind: str, seed: int, settings: dict[str, object]) -> None:
     """Texture stops a front everywhere: one of three such results crossed itself when all was tested anew each round."""
-    for seen in sights(kind, 3, 830_000):
-        start = {"init.circles": [list(seen.start)]}
-        for source in ("auto", "gradient"):
-            found = ffseg.segment(seen.image, load_params(None, {**start, "edges.source": source}))
-            assert self_intersections(found.contours) == []
+    for seen in sights(kind, 3, seed):
+        found = ffseg.segment(seen.image, load_params(None, {"init.circles": [list(seen.start)], **settings}))
+        assert self_intersections(found.contours) == []
+
+
+@pytest.mark.parametrize("settle", [0.0, 4.0])
+@pytest.mark.parametrize("radius", [3, 12])
+def test_what_bounds_nothing_once_settled_is_dropped(radius: float, settle: float) -> None:
+    """In the region an outer contour, beside it a hole; what lies apart, and a hole in the region, stay."""
+    places = ((60, 40, radius), (60, 100, -radius), (160, 40, radius), (160, 100, -radius))
+    small = [FreeForm.circle((x, y), abs(size), 4, 3) for x, y, size in places]
+    starts = [
+        FreeForm.circle((60, 70), 50, 20, 3),
+        *(one.reversed() if one.signed_area * size < 0 else one for one, (*_, size) in zip(small, places, strict=True)),
+    ]
+    made = evolution(starts, gradient=FLAT, settle=settle)
+    assert areas(made) == pytest.approx([-pi * radius**2, pi * radius**2, pi * 50**2], rel=0.02)
 
 
 def test_a_small_contour_that_still_crosses_another_is_dropped() -> None:

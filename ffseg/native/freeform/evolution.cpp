@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cassert>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 #include <vector>
@@ -94,22 +95,29 @@ public:
         return reason_ == Stop::kRunning;
     }
 
-    // Attraction to edges (Section 3.2), once the contour has stopped.
+    // Attraction to edges (Section 3.2), once the contour has stopped; what crosses or bounds nothing then is mended.
     void settle(const GradientView& gradient) override {
         const EvolutionOptions& options = contour_.options;
-        if (options.settle <= 0) return;
-        const settling::Ridge ridge(gradient, options.ridge_low);
-        settling::Settling<D> settling(contour_.field, ridge, options.settle);
-        for (Samples& component : samples_of(contour_)) {
+        std::vector<Samples>& settled = settled_.emplace(samples_of(contour_));
+        if (options.settle > 0) {
+            const settling::Ridge ridge(gradient, options.ridge_low);
+            settling::Settling<D> settling(contour_.field, ridge, options.settle);
             const double spacing = options.split_threshold / D;
-            settled_.push_back(settling.run(std::move(component), options.refine, spacing, contour_.counts.splits));
+            for (Samples& component : settled) {
+                component = settling.run(std::move(component), options.refine, spacing, contour_.counts.splits);
+            }
         }
-        if (options.topology) settling::Untangle<D>(settled_).run();
+        if (!options.topology) return;
+        settling::Untangle<D>(settled).run();
+        const std::vector<bool> bounding = settling::bounding(settled, contour_.outside_filled);
+        for (std::size_t i = settled.size(); i-- > 0;) {
+            if (!bounding[i]) settled.erase(settled.begin() + static_cast<std::ptrdiff_t>(i));
+        }
     }
 
     ContourSet contours() const override {
         ContourSet out;
-        for (const Samples& samples : settled_.empty() ? samples_of(contour_) : settled_) {
+        for (const Samples& samples : settled_ ? *settled_ : samples_of(contour_)) {
             out.points.reserve(out.points.size() + samples.size());
             for (std::size_t first = 0; first < samples.size(); first += D) {
                 const Points<D> points = settling::patch_of<D>(samples, first);
@@ -144,7 +152,13 @@ private:
     }
 
     void finish() {
-        if (contour_.options.topology) topology::drop_nested(contour_);
+        if (contour_.options.topology) {
+            const std::vector<int> loops = contour_.components();
+            const std::vector<bool> bounding = settling::bounding(samples_of(contour_), contour_.outside_filled);
+            for (std::size_t i = 0; i < loops.size(); ++i) {
+                if (!bounding[i]) topology::drop(contour_, loops[i]);
+            }
+        }
         contour_.reclaim();
         reason_ = contour_.order.empty()          ? Stop::kVanished
                   : contour_.memory.num_stray > 0 ? Stop::kStalled
@@ -153,7 +167,7 @@ private:
     }
 
     Contour<D> contour_;
-    std::vector<Samples> settled_;  // once they have settled
+    std::optional<std::vector<Samples>> settled_;
     Stop reason_ = Stop::kRunning;
     int most_patches_;
     int next_fit_ = 0, rounds_ = 0;  // of the pressure by colour

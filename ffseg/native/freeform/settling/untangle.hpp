@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "freeform/settling/crossings.hpp"
+#include "freeform/settling/nesting.hpp"
 
 namespace ffseg::settling {
 
@@ -25,26 +26,13 @@ constexpr std::size_t kMinPatches = 2;
 // Pixels drawn back along the normal in each round.
 constexpr double kDrawBack = 0.25;
 
-inline double twice_area(const Samples& at) {
-    double twice = 0.0;
-    for (std::size_t i = 0; i < at.size(); ++i) {
-        twice += ffseg::cross(at[i] - at[0], at[(i + 1) % at.size()] - at[0]);
-    }
-    return twice;
-}
-
 // Do both parts of a component that crosses itself bound the region? They do if they lie apart with the same
 // orientation, or if one is a hole of the other: the front has met itself behind an obstacle.
 inline bool both_bound(const Samples& a, const Samples& b) {
     const double one = twice_area(a), two = twice_area(b);
     const bool first = std::abs(one) > std::abs(two), hole = (one > 0) != (two > 0);
     const Samples &larger = first ? a : b, &smaller = first ? b : a;
-    const Vec2 p = smaller[smaller.size() / 2];
-    bool inside = false;
-    for (std::size_t i = 0; i < larger.size(); ++i) {
-        inside ^= passes_right_of(p, larger[i], larger[(i + 1) % larger.size()]);
-    }
-    return inside == hole && (!hole || (first ? one : two) > 0);
+    return holds(larger, smaller[smaller.size() / 2]) == hole && (!hole || (first ? one : two) > 0);
 }
 
 // A small component that winds over itself becomes its convex hull, with the same orientation.

@@ -101,38 +101,4 @@ void drop(Contour<D>& contour, int i) {
     ++contour.counts.drops;
 }
 
-// At the end, components are kept that bound the region: the winding number of the larger kept ones is 0 outside an
-// outer component and 1 outside a hole.
-template <int D>
-void drop_nested(Contour<D>& contour) {
-    struct Loop {
-        int first;
-        double area;
-        Box box;
-    };
-    std::vector<Loop> found;
-    for (int loop : contour.components()) {
-        Loop entry{loop, component_area(contour, loop), {}};
-        contour.each_in(loop, [&](int at) {
-            for (const Vec2 p : contour[at].m) entry.box.add(p);
-        });
-        found.push_back(entry);
-    }
-    std::stable_sort(found.begin(), found.end(),
-                     [](const Loop& a, const Loop& b) { return std::abs(a.area) > std::abs(b.area); });
-    std::vector<Loop> kept;
-    for (const Loop& loop : found) {
-        const Vec2 p = contour[loop.first].m[0];
-        int winding = contour.outside_filled ? 1 : 0;
-        for (const Loop& other : kept) {
-            if (other.box.holds(p) && contains(contour, other.first, p)) winding += other.area > 0 ? 1 : -1;
-        }
-        if (winding == (loop.area > 0 ? 0 : 1)) {
-            kept.push_back(loop);
-        } else {
-            drop(contour, loop.first);
-        }
-    }
-}
-
 }  // namespace ffseg::topology
