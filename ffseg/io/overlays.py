@@ -93,7 +93,16 @@ def draw_overlay(image: Image, polylines: Sequence[Polyline], mask: Mask | None 
 def encode_overlay(
     image: Image, polylines: Sequence[Polyline], mask: Mask | None = None, suffix: str = ".png"
 ) -> bytes:
-    """File of `draw_overlay`: PNG packed for speed, or JPEG or WebP by the suffix."""
+    """File of `draw_overlay`: PNG packed for speed, or JPEG or WebP by the suffix.
+
+    Raises
+    ------
+    OutputError
+        For a suffix of no format that is written, or an image too large for it.
+    """
+    if not cv2.haveImageWriter(f"overlay{suffix}"):
+        named = suffix or "a name without a suffix"
+        raise OutputError(f"an overlay is a picture, which {named} is not; write it as .png, .jpg or .webp")
     drawn = draw_overlay(image, polylines, mask)
     if suffix == ".png":
         return encode_png(drawn, [cv2.IMWRITE_PNG_COMPRESSION, 1])
@@ -113,7 +122,9 @@ def encode_cutout(image: Image, mask: Mask, suffix: str = ".png") -> bytes:
         For a format without transparency.
     """
     if suffix not in (".png", ".webp"):
-        raise OutputError(f"a cut-out is transparent, which {suffix} cannot be; write it as .png or .webp")
+        raise OutputError(
+            f"a cut-out is transparent, which {suffix or 'this name'} cannot be; write it as .png or .webp"
+        )
     opaque = np.where(mask, np.uint8(255), np.uint8(0))
     cut = np.ascontiguousarray(np.dstack([as_colour(image) * mask[..., None], opaque]))
     return encode_picture(cut, suffix, [] if suffix == ".png" else [cv2.IMWRITE_WEBP_QUALITY, _LOSSLESS])

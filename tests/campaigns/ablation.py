@@ -76,7 +76,7 @@ CORE: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("a last look at the ridge", "project(0.0, -1.0, 1.0);", ""),
     ),
     "evolution.cpp": (
-        ("settled contours are untangled", "settling::Untangle<D>(settled).run();", ""),
+        ("settled contours are untangled", "!settling::Untangle<D>(settled).run()", "false"),
         ("... and dropped where they bound nothing",
          "if (!bounding[i]) settled.erase(settled.begin() + static_cast<std::ptrdiff_t>(i));", ""),
     ),

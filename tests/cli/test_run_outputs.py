@@ -85,8 +85,21 @@ def test_yolo_cutouts_and_labels(ffseg_command: Command, images: Path, tmp_path:
     assert (tmp_path / "a.txt").read_bytes() == (out / "yolo" / "a.txt").read_bytes()
     for name in ("c.png", "c.webp"):
         np.testing.assert_array_equal(cv2.imread(str(tmp_path / name), cv2.IMREAD_UNCHANGED), cut)
-    refused = ffseg_command("segment", images / "a.png", tmp_path / "c.jpg", "--as", "cutout")
-    assert (refused.returncode, "a cut-out is transparent, which .jpg cannot be" in refused.stderr) == (3, True)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "sentence"),
+    [
+        ("c.jpg", "cutout", "a cut-out is transparent, which .jpg cannot be"),
+        ("c.json", "overlay", "an overlay is a picture, which .json is not"),
+        ("c", "overlay", "an overlay is a picture, which a name without a suffix is not"),
+    ],
+)
+def test_what_a_file_name_cannot_hold_is_refused(
+    name: str, kind: str, sentence: str, ffseg_command: Command, images: Path, tmp_path: Path
+) -> None:
+    refused = ffseg_command("segment", images / "a.png", tmp_path / name, "--as", kind)
+    assert (refused.returncode, sentence in refused.stderr, (tmp_path / name).exists()) == (3, True, False)
 
 
 @pytest.mark.parametrize("pack", [(), ("--pack", "tar")])

@@ -107,8 +107,7 @@ public:
                 component = settling.run(std::move(component), options.refine, spacing, contour_.counts.splits);
             }
         }
-        if (!options.topology) return;
-        settling::Untangle<D>(settled).run();
+        if (!options.topology || !settling::Untangle<D>(settled).run()) return;
         const std::vector<bool> bounding = settling::bounding(settled, contour_.outside_filled);
         for (std::size_t i = settled.size(); i-- > 0;) {
             if (!bounding[i]) settled.erase(settled.begin() + static_cast<std::ptrdiff_t>(i));
