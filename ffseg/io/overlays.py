@@ -28,6 +28,7 @@ COLOURS: dict[Kind, tuple[int, int, int]] = {
 """BGR: green free space, red obstacles, blue ground given back, yellow what no point tested; of points drawn on demand:
 cyan agrees with the ground, magenta differs, grey says nothing."""
 
+_NO_SUFFIX = "a name without a suffix"
 _TINT_FRACTION = 0.25
 """Of the green in what is inside: the picture stays readable below."""
 _TINTED = np.rint((1 - _TINT_FRACTION) * np.arange(256)[:, None] + _TINT_FRACTION * np.array(COLOURS["outer"])).astype(
@@ -101,8 +102,9 @@ def encode_overlay(
         For a suffix of no format that is written, or an image too large for it.
     """
     if not cv2.haveImageWriter(f"overlay{suffix}"):
-        named = suffix or "a name without a suffix"
-        raise OutputError(f"an overlay is a picture, which {named} is not; write it as .png, .jpg or .webp")
+        raise OutputError(
+            f"an overlay is a picture, which {suffix or _NO_SUFFIX} is not; write it as .png, .jpg or .webp"
+        )
     drawn = draw_overlay(image, polylines, mask)
     if suffix == ".png":
         return encode_png(drawn, [cv2.IMWRITE_PNG_COMPRESSION, 1])
@@ -123,7 +125,7 @@ def encode_cutout(image: Image, mask: Mask, suffix: str = ".png") -> bytes:
     """
     if suffix not in (".png", ".webp"):
         raise OutputError(
-            f"a cut-out is transparent, which {suffix or 'this name'} cannot be; write it as .png or .webp"
+            f"a cut-out is transparent, which {suffix or _NO_SUFFIX} cannot be; write it as .png or .webp"
         )
     opaque = np.where(mask, np.uint8(255), np.uint8(0))
     cut = np.ascontiguousarray(np.dstack([as_colour(image) * mask[..., None], opaque]))

@@ -191,7 +191,7 @@ def test_contours_that_overlap_a_little_once_settled_are_drawn_apart() -> None:
     assert areas(made) == pytest.approx([pi * 20**2] * 2, rel=0.02)
 
 
-FAR_SETTINGS: tuple[dict[str, object], ...] = (
+SETTINGS: tuple[dict[str, object], ...] = (
     {},
     {"edges.source": "gradient"},
     {"contour.settle": 0, "contour.refine": False},
@@ -203,7 +203,7 @@ FAR_SETTINGS: tuple[dict[str, object], ...] = (
 def test_no_result_crosses_itself(kind: str) -> None:
     """Texture stops a front everywhere: one of three such results crossed itself when all was tested anew each round."""
     for seen in sights(kind, 3, 830_000):
-        for settings in FAR_SETTINGS:
+        for settings in SETTINGS:
             found = ffseg.segment(seen.image, load_params(None, {"init.circles": [list(seen.start)], **settings}))
             assert self_intersections(found.contours) == [], settings
 
@@ -212,12 +212,9 @@ def test_no_result_crosses_itself(kind: str) -> None:
 @pytest.mark.parametrize("radius", [3, 12])
 def test_what_bounds_nothing_once_settled_is_dropped(radius: float, settle: float) -> None:
     """In the region an outer contour, beside it a hole; what lies apart, and a hole in the region, stay."""
-    places = ((60, 40, radius), (60, 100, -radius), (160, 40, radius), (160, 100, -radius))
-    small = [FreeForm.circle((x, y), abs(size), 4, 3) for x, y, size in places]
-    starts = [
-        FreeForm.circle((60, 70), 50, 20, 3),
-        *(one.reversed() if one.signed_area * size < 0 else one for one, (*_, size) in zip(small, places, strict=True)),
-    ]
+    outer = [FreeForm.circle(place, radius, 4, 3) for place in ((60, 40), (160, 40))]
+    holes = [FreeForm.circle(place, radius, 4, 3).reversed() for place in ((60, 100), (160, 100))]
+    starts = [FreeForm.circle((60, 70), 50, 20, 3), *outer, *holes]
     made = evolution(starts, gradient=FLAT, settle=settle)
     assert areas(made) == pytest.approx([-pi * radius**2, pi * radius**2, pi * 50**2], rel=0.02)
 

@@ -1,7 +1,5 @@
 // Closed components of a contour: their area, what they enclose, and which of them bound the region.
 #pragma once
-#include <algorithm>
-#include <cmath>
 #include <limits>
 #include <vector>
 
