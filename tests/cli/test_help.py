@@ -4,7 +4,6 @@ import re
 import sys
 from pathlib import Path
 
-import cv2
 import documented_blocks as documented
 import pytest
 from commands import Command
@@ -34,8 +33,6 @@ def test_every_help_ends_with_its_examples(command: str, ffseg_command: Command)
 def test_the_examples_run(tmp_path: Path) -> None:
     page = documented.ROOT / "docs" / "examples"
     environment = documented.prepare(tmp_path, page, Path(sys.executable).parent)
-    for path in [*tmp_path.glob("own/*.png"), *tmp_path.glob("masks/*.png")]:  # a quarter takes learning as far
-        cv2.imwrite(str(path), cv2.imread(str(path), cv2.IMREAD_UNCHANGED)[::2, ::2])
     lines = [line for command, lines in EXAMPLES.items() if command not in SLOW for line in lines]
     assert lines.count(DONE) == 1
     for line in sorted({*lines} - {DONE}, key=lambda line: (not line.startswith("ffseg samples"), lines.index(line))):
