@@ -100,6 +100,17 @@ def polygons(ground: Ground) -> list[shapely.Polygon]:
     return [shapely.Polygon(rings[0], rings[1:]) for rings in ground.polygons]
 
 
+def test_polygons_below_a_low_camera_are_valid_as_they_are_written() -> None:
+    """A pixel is a twentieth of a millimetre there."""
+    lens = UnifiedSphere(Affine(960.0, 960.0, 79.5, 59.5), 0.0, (0.0, 0.0, 0.0, 0.0))
+    low = Camera(lens, 160, 120, (79.5, 59.5), mount_height=0.05, mirrored=False)
+    specks = np.random.default_rng(1).random((120, 160)) < 0.4
+    ground = ground_of(specks, outlines_of(specks), low)
+    regions = [shapely.geometry.shape(one["geometry"]) for one in ground.document()["features"]]
+    assert len(regions) > 100
+    assert all(region.is_valid for region in regions)
+
+
 def test_polygons_are_valid_and_hold_the_masks_pixels() -> None:
     _, frame = rendered()
     ground = frame.ground()
