@@ -30,7 +30,7 @@ OUTLINE_SIGMA = 0.08
 % within .15."""
 DECIMALS = 4
 RING_DECIMALS = 6
-"""Of outlines: below a camera 5 cm above the floor one pixel is 0.1 mm, and outlines may pass 0.02 px from one another."""
+"""Of outlines: 5 cm below a lens a pixel may be a twentieth of a millimetre, and outlines pass 0.02 px from one another."""
 
 End = Literal["obstacle", "rim", "unknown"]
 
