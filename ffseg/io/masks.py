@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.arrays import Image, Mask
-from ffseg.errors import ImageReadError, ParameterError
+from ffseg.errors import ImageReadError, OutputError, ParameterError
 from ffseg.io.files import printable, read_bytes
 from ffseg.io.images import Limits, decode_image, read_image
 from ffseg.parameters import Parameters
@@ -30,10 +30,19 @@ INSIDE = 128
 
 
 def encode_picture(image: Image, suffix: str, options: list[int]) -> bytes:
-    """File of a grey or BGR image, with or without alpha, in a format that OpenCV writes."""
+    """File of a grey or BGR image, with or without alpha, in a format that OpenCV writes.
+
+    Raises
+    ------
+    OutputError
+        If the image is larger than the format holds.
+    """
     done, encoded = cv2.imencode(suffix, image, options)
-    if not done:  # reached only when memory is gone: every uint8 image of positive size encodes
-        raise MemoryError(f"the {suffix[1:].upper()} encoder failed")
+    if not done and suffix == ".png":  # which holds every image that is read
+        raise MemoryError("the PNG encoder failed")
+    if not done:
+        height, width = image.shape[:2]
+        raise OutputError(f"{width}x{height} pixels are more than {suffix} holds; write it as .png")
     data: bytes = encoded.tobytes()
     return data
 

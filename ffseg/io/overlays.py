@@ -11,9 +11,8 @@ import cv2
 import numpy as np
 
 from ffseg.arrays import Image, Mask, Points
-from ffseg.errors import OutputError
 from ffseg.geometry.freeform import FreeForm
-from ffseg.io.masks import encode_picture, encode_png
+from ffseg.io.masks import encode_picture
 
 Kind = Literal["outer", "obstacle", "false", "untested", "agrees", "differs", "silent"]
 COLOURS: dict[Kind, tuple[int, int, int]] = {
@@ -28,7 +27,6 @@ COLOURS: dict[Kind, tuple[int, int, int]] = {
 """BGR: green free space, red obstacles, blue ground given back, yellow what no point tested; of points drawn on demand:
 cyan agrees with the ground, magenta differs, grey says nothing."""
 
-_NO_SUFFIX = "a name without a suffix"
 _TINT_FRACTION = 0.25
 """Of the green in what is inside: the picture stays readable below."""
 _TINTED = np.rint((1 - _TINT_FRACTION) * np.arange(256)[:, None] + _TINT_FRACTION * np.array(COLOURS["outer"])).astype(
@@ -94,39 +92,13 @@ def draw_overlay(image: Image, polylines: Sequence[Polyline], mask: Mask | None 
 def encode_overlay(
     image: Image, polylines: Sequence[Polyline], mask: Mask | None = None, suffix: str = ".png"
 ) -> bytes:
-    """File of `draw_overlay`: PNG packed for speed, or JPEG or WebP by the suffix.
-
-    Raises
-    ------
-    OutputError
-        For a suffix of no format that is written, or an image too large for it.
-    """
-    if not cv2.haveImageWriter(f"overlay{suffix}"):
-        raise OutputError(
-            f"an overlay is a picture, which {suffix or _NO_SUFFIX} is not; write it as .png, .jpg or .webp"
-        )
-    drawn = draw_overlay(image, polylines, mask)
-    if suffix == ".png":
-        return encode_png(drawn, [cv2.IMWRITE_PNG_COMPRESSION, 1])
-    done, encoded = cv2.imencode(suffix, drawn)
-    if not done:
-        raise OutputError(f"the picture cannot be written as {suffix}; write it as .png")
-    data: bytes = encoded.tobytes()
-    return data
+    """File of `draw_overlay`: PNG packed for speed, or JPEG or WebP by the suffix."""
+    options = [cv2.IMWRITE_PNG_COMPRESSION, 1] if suffix == ".png" else []
+    return encode_picture(draw_overlay(image, polylines, mask), suffix, options)
 
 
 def encode_cutout(image: Image, mask: Mask, suffix: str = ".png") -> bytes:
-    """PNG or WebP file of the image inside the region, transparent and black elsewhere.
-
-    Raises
-    ------
-    OutputError
-        For a format without transparency.
-    """
-    if suffix not in (".png", ".webp"):
-        raise OutputError(
-            f"a cut-out is transparent, which {suffix or _NO_SUFFIX} cannot be; write it as .png or .webp"
-        )
+    """PNG or WebP file of the image inside the region, transparent and black elsewhere."""
     opaque = np.where(mask, np.uint8(255), np.uint8(0))
     cut = np.ascontiguousarray(np.dstack([as_colour(image) * mask[..., None], opaque]))
     return encode_picture(cut, suffix, [] if suffix == ".png" else [cv2.IMWRITE_WEBP_QUALITY, _LOSSLESS])

@@ -90,16 +90,24 @@ def test_yolo_cutouts_and_labels(ffseg_command: Command, images: Path, tmp_path:
 @pytest.mark.parametrize(
     ("name", "kind", "sentence"),
     [
-        ("c.jpg", "cutout", "a cut-out is transparent, which .jpg cannot be"),
-        ("c.json", "overlay", "an overlay is a picture, which .json is not"),
-        ("c", "overlay", "an overlay is a picture, which a name without a suffix is not"),
+        ("c.jpg", "cutout", "the suffix .jpg stands for no output; write one of .png (cutout), .webp (cutout)"),
+        ("c.json", "overlay", "the suffix .json stands for no output; write one of .png (overlay), .jpg (overlay)"),
+        ("c", "overlay", "there is no suffix; write one of .png (overlay)"),
     ],
 )
 def test_what_a_file_name_cannot_hold_is_refused(
     name: str, kind: str, sentence: str, ffseg_command: Command, images: Path, tmp_path: Path
 ) -> None:
     refused = ffseg_command("segment", images / "a.png", tmp_path / name, "--as", kind)
-    assert (refused.returncode, sentence in refused.stderr, (tmp_path / name).exists()) == (3, True, False)
+    assert (refused.returncode, sentence in refused.stderr, (tmp_path / name).exists()) == (2, True, False)
+
+
+@pytest.mark.parametrize(("suffix", "width"), [(".webp", 16384), (".jpg", 65501)])
+def test_what_a_format_cannot_hold_is_refused(suffix: str, width: int, ffseg_command: Command, tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "wide.png"), np.zeros((2, width), np.uint8))
+    refused = ffseg_command("segment", tmp_path / "wide.png", tmp_path / f"o{suffix}", "--as", "overlay")
+    sentence = f"{width}x2 pixels are more than {suffix} holds; write it as .png"
+    assert (refused.returncode, sentence in refused.stderr) == (3, True)
 
 
 @pytest.mark.parametrize("pack", [(), ("--pack", "tar")])

@@ -128,14 +128,14 @@ def _kind(path: str, named: str | None) -> str:
         from ffseg.schema.kinds import nearest_word
 
         raise UsageError(f"--as {named}: choose one of {', '.join(KINDS)}{nearest_word(named, KINDS)}")
-    if named is not None or path == PIPE:
+    if path == PIPE or named not in (None, "overlay", "cutout"):
         return named or "mask"
     from ffseg.io.saving import kind_of
 
     try:
-        return kind_of(path)
+        return kind_of(path, () if named is None else (named,))
     except OutputError as error:
-        raise UsageError(f"{error}; or name it with --as") from error
+        raise UsageError(f"{error}; or name it with --as" if named is None else str(error)) from error
 
 
 def _require_other_names(image: str, targets: Sequence[tuple[str, str]]) -> None:
