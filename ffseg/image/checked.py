@@ -106,7 +106,7 @@ def checked_image(image: object) -> Image:
     if not isinstance(image, np.ndarray):
         raise SegmentationError(_not_an_array(image))
     if image.dtype == np.uint8 and image.size and (image.ndim == 2 or (image.ndim == 3 and image.shape[2] == 3)):
-        return image
+        return np.asarray(image)  # also of a matrix, or of another kind of array
     raise SegmentationError(f"the image must be uint8 of shape (H, W) or (H, W, 3); {_remedy(image)}")
 
 

@@ -247,6 +247,16 @@ def test_an_image_is_taken_as_other_libraries_hand_it_out(image: npt.NDArray[np.
         assert np.array_equal(taken, decode_image(cv2.imencode(".png", deep)[1].tobytes()))
 
 
+@pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")  # of np.matrix, which older programs hand out
+def test_a_picture_is_one_however_its_array_lies() -> None:
+    wide = np.repeat(np.repeat(DISC, 2, axis=0), 3, axis=1)
+    frozen = DISC.copy()
+    frozen.flags.writeable = False
+    plain = ffseg.segment(DISC, SMALL).mask
+    for same in (wide[::2, ::3], DISC[::-1][::-1], np.asfortranarray(DISC), frozen, np.asmatrix(DISC)):
+        assert np.array_equal(ffseg.segment(same, SMALL).mask, plain)
+
+
 def test_a_range_makes_an_image_of_any_numbers(tmp_path: Path) -> None:
     plain, far = ffseg.segment(DISC, SMALL).mask, 400_000_000
     deep, wide = (DISC.astype(np.uint16) * 16, (0, 4080)), (DISC * 100.0 - 7, (-7, 25_493))
