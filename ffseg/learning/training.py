@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,9 @@ from ffseg.metrics import IGNORED, INSIDE, OUTSIDE
 from ffseg.parameters import Parameters
 from ffseg.plugins import require
 from ffseg.starts.initial import click_radius
+
+if TYPE_CHECKING:
+    import lightgbm
 
 LIGHTGBM = "lightgbm", "learning needs LightGBM", "learn"
 """What grows forests, as `require` takes it."""
@@ -263,24 +267,32 @@ def grow(
     three and five masks, mean of five choices, unseen floors come out better by .15, .06 and .01 than without open ground,
     road frames by -.01, .01 and 0; either forest alone varies more with the choice.
 
+    Parameters
+    ----------
+    names : tuple of str
+        The features; open ground comes last.
+
     Raises
     ------
     UsageError
         If LightGBM is not installed.
     """
     plain = tuple(name for name in names if name not in OPENING_FEATURES)
+    data = _binned(chosen, plain, begin)
     if plain == names:
-        return converted(_boosted(chosen, names, trees, LEARNING_RATE, begin), names)
+        return converted(_boosted(data, trees, LEARNING_RATE), names)
     part, rate = round(trees * TREE_FRACTION), LEARNING_RATE / TREE_FRACTION
-    grown = (_boosted(chosen, those, part, rate, begin) for those in (plain, names))
-    both = converted([tree for trees in grown for tree in trees], names)
+    without = _boosted(data, part, rate)
+    with warnings.catch_warnings(action="ignore"):  # of categories, which there are none of
+        data.add_features_from(_binned(chosen, names[len(plain) :]))
+    both = converted([*without, *_boosted(data, part, rate)], names)
     return replace(both, arrays=both.arrays | {"value": both.arrays["value"] / 2})
 
 
-def _boosted(
-    chosen: Sequence[Samples], names: tuple[str, ...], trees: int, rate: float, begin: Sequence[Floats] | None = None
-) -> list[dict[str, Any]]:
-    """LightGBM's trees; `names` begin as ``FOREST_FEATURES`` does, or are converted with themselves."""
+def _binned(
+    chosen: Sequence[Samples], names: tuple[str, ...], begin: Sequence[Floats] | None = None
+) -> lightgbm.Dataset:
+    """LightGBM's data set: to sort each feature into bins takes longer than to grow a forest on them."""
     require(*LIGHTGBM)
     import lightgbm
 
@@ -289,9 +301,19 @@ def _boosted(
     labels = np.concatenate([one.inside for one in chosen])
     weights = np.concatenate([np.full(len(one.inside), 1 / len(one.inside)) for one in chosen])
     known = None if begin is None else np.concatenate(begin).astype(np.float64)
-    data = lightgbm.Dataset(rows, labels.astype(np.float32), weight=weights / weights.mean(), init_score=known)
     least = max(MIN_IN_LEAF, len(rows) // len(chosen) // LEAVES_OF_AN_IMAGE)
-    booster = lightgbm.train({**SETTINGS, "learning_rate": rate, "min_data_in_leaf": least}, data, trees)
+    how = {**SETTINGS, "min_data_in_leaf": least}
+    data = lightgbm.Dataset(
+        rows, labels.astype(np.float32), weight=weights / weights.mean(), init_score=known, params=how
+    )
+    return data.construct()
+
+
+def _boosted(data: lightgbm.Dataset, trees: int, rate: float) -> list[dict[str, Any]]:
+    """LightGBM's trees on such a data set."""
+    import lightgbm
+
+    booster = lightgbm.train({**(data.params or {}), "learning_rate": rate}, data, trees)
     found: list[dict[str, Any]] = booster.dump_model()["tree_info"]
     return found
 
@@ -445,9 +467,8 @@ def _left_out_odds(chosen: tuple[Samples, ...], *, corrected: bool) -> list[Floa
     odds = []
     for number, left_out in enumerate(thin):
         others, begun = thin[:number] + thin[number + 1 :], begin and begin[:number] + begin[number + 1 :]
-        forest = converted(
-            _boosted(others, FOREST_FEATURES, round(TREES * CORRECTION_FRACTION), LEARNING_RATE, begun), FOREST_FEATURES
-        )
+        data = _binned(others, FOREST_FEATURES, begun)
+        forest = converted(_boosted(data, round(TREES * CORRECTION_FRACTION), LEARNING_RATE), FOREST_FEATURES)
         odds_of_others = odds_of(forest, left_out.rows)
         odds.append(odds_of_others if begin is None else odds_of_others + begin[number])
     return odds
