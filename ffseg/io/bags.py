@@ -17,7 +17,7 @@ from pathlib import Path
 from threading import Lock
 from typing import TYPE_CHECKING, Any
 
-from ffseg.errors import ImageReadError, UsageError
+from ffseg.errors import FfsegError, ImageReadError, UsageError
 from ffseg.io.files import printable
 from ffseg.plugins import require
 
@@ -36,6 +36,8 @@ _LAYOUTS = {"mono8": 1, "8UC1": 1, "bgr8": 3, "rgb8": 3, "8UC3": 3, "bgra8": 4, 
 """Channels of an image's encoding; those with 16 have two bytes a sample."""
 _WRITTEN = {"/map": "nav_msgs/msg/OccupancyGrid", "/scan": "sensor_msgs/msg/LaserScan"}
 _NANO = 1_000_000_000
+_MAX_SAID = 160
+"""Characters that are told of what a parser says."""
 Planar = tuple[float, float, float]
 
 
@@ -73,8 +75,15 @@ def bag_image(path: str, number: int, max_bytes: int) -> bytes:
         status = os.stat(bag_of(path))
         reader = _reader(path, (status.st_size, status.st_mtime_ns))
         return reader.image(number, max_bytes)
-    except (OSError, UsageError, LookupError) as error:
-        raise ImageReadError("unreadable", f"the bag cannot be read at image {number} ({error})") from error
+    except (ImageReadError, MemoryError):
+        raise
+    except Exception as error:
+        raise ImageReadError("unreadable", f"the bag cannot be read at image {number} ({_said(error)})") from error
+
+
+def _said(error: Exception) -> str:
+    """What rosbags, or a parser below it, says of a damaged bag, on one line: they raise whatever they come upon."""
+    return " ".join((str(error) or type(error).__name__).split())[:_MAX_SAID]
 
 
 class _Reader:
@@ -184,7 +193,7 @@ def _opened(path: str, kinds: tuple[str, ...]) -> Iterator[tuple[Any, list[Any]]
     """Reader of a bag, and the connections of a topic that holds messages of one of these types."""
     bag, _, topic = path.partition(MARK)
     require("rosbags", f"{printable(bag)}: a bag needs rosbags", "ros")
-    from rosbags.highlevel import AnyReader, AnyReaderError
+    from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
 
     try:
@@ -197,10 +206,11 @@ def _opened(path: str, kinds: tuple[str, ...]) -> Iterator[tuple[Any, list[Any]]
                     f"{printable(bag)} has no topic /{printable(topic)} of {' or '.join(kinds)}; it has {listed}"
                 )
             yield reader, found
-    except (AnyReaderError, OSError, KeyError, ValueError) as error:
-        raise UsageError(
-            f"{printable(bag)} cannot be read as a bag ({error}); name a .bag file or a bag's folder"
-        ) from error
+    except FfsegError:
+        raise
+    except Exception as error:  # a MemoryError of a size that the bag claims among them
+        said = f"{printable(bag)} cannot be read as a bag ({_said(error)})"
+        raise UsageError(f"{said}; name a .bag file or a bag's folder") from error
 
 
 def map_bag(

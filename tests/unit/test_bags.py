@@ -188,6 +188,32 @@ def test_what_is_not_there_is_named(tmp_path: Path, ffseg_command: Command, monk
         bags.stamps(f"{bag}::/camera/image")
 
 
+@pytest.mark.parametrize(("kind", "damage"), [("db3", "rows"), ("mcap", "shifted"), ("mcap", "yaml")])
+def test_a_damaged_bag_is_told_in_one_sentence(kind: str, damage: str, tmp_path: Path) -> None:
+    """What parsers raise, of SQLite, of a size that the memory does not hold, and in several lines."""
+    bag = a_drive(tmp_path / "d", kind)
+    file = bag / ("metadata.yaml" if damage == "yaml" else f"d.{kind}")
+    data = file.read_bytes()
+    broken = {
+        "rows": data[:0x7000] + b"\xff" * len(data[0x7000:]),
+        "shifted": data[:9] + b"\xff" * 7 + data[9:],
+        "yaml": b"a: b: c",
+    }
+    file.write_bytes(broken[damage])
+    with pytest.raises(UsageError, match="cannot be read as a bag") as error:
+        bags.stamps(f"{bag}::/camera/image")
+    assert "\n" not in str(error.value)
+
+
+def test_a_damaged_message_costs_its_image(tmp_path: Path) -> None:
+    store, kind = get_typestore(Stores.ROS2_HUMBLE), "sensor_msgs/msg/Image"
+    with Writer(tmp_path / "b", version=8, storage_plugin=StoragePlugin.MCAP) as writer:
+        topic = writer.add_connection("/i", kind, typestore=store)
+        writer.write(topic, BEGIN, b"no message")
+    with pytest.raises(ImageReadError, match="the bag cannot be read at image 0"):
+        bags.bag_image(f"{tmp_path / 'b'}::/i", 0, 10_000)
+
+
 def test_messages_that_name_no_pose_are_passed_over(tmp_path: Path) -> None:
     store, messages = get_typestore(Stores.ROS2_HUMBLE), []
     for number, (x, turn, length) in enumerate([(0.0, 0.0, 0.0), (1.0, 0.5, 1.0), (np.nan, 0.0, 1.0), (3.0, 0.7, 2.0)]):
