@@ -195,7 +195,7 @@ def test_a_damaged_bag_is_told_in_one_sentence(kind: str, damage: str, tmp_path:
     file = bag / ("metadata.yaml" if damage == "yaml" else f"d.{kind}")
     data = file.read_bytes()
     broken = {
-        "rows": data[:0x7000] + b"\xff" * len(data[0x7000:]),
+        "rows": data[:0x7000] + b"\xff" * 0x1000 + data[0x8000:],
         "shifted": data[:9] + b"\xff" * 7 + data[9:],
         "yaml": b"a: b: c",
     }
