@@ -118,6 +118,14 @@ class WorkerLostError(FfsegError):
     exit_code = 1
 
 
+_MAX_SAID = 160
+
+
+def said(error: BaseException) -> str:
+    """What a parser of somebody else says of what it cannot read, on one line, at most 160 characters."""
+    return " ".join((str(error) or type(error).__name__).split())[:_MAX_SAID]
+
+
 _NO_MEMORY = -4
 """Code of OpenCV's error when it gets no memory."""
 

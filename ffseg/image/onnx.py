@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 
 from ffseg.arrays import Image, Plane
+from ffseg.errors import said
 from ffseg.parameters import Network
 
 Net = Any
@@ -108,9 +109,8 @@ def map_of(image: Image, net: Net, params: Network) -> Plane:
         net.setInput(cv2.dnn.blobFromImage(colour, params.scale, size, mean, swapRB=params.rgb))
         found = np.asarray(net.forward() if params.output == "last" else net.forward(params.output), np.float32)
     except cv2.error as error:
-        sentence = " ".join(str(error).split())[:160]
         raise ValueError(
-            f"it cannot be run on this image ({sentence}); check network.size and network.output"
+            f"it cannot be run on this image ({said(error)}); check network.size and network.output"
         ) from error
     plane = _plane(found, params)
     scaled = cv2.resize(plane, (width, height), interpolation=cv2.INTER_LINEAR)

@@ -17,7 +17,7 @@ from pathlib import Path
 from threading import Lock
 from typing import TYPE_CHECKING, Any
 
-from ffseg.errors import FfsegError, ImageReadError, UsageError
+from ffseg.errors import FfsegError, ImageReadError, UsageError, said
 from ffseg.io.files import printable
 from ffseg.plugins import require
 
@@ -36,8 +36,6 @@ _LAYOUTS = {"mono8": 1, "8UC1": 1, "bgr8": 3, "rgb8": 3, "8UC3": 3, "bgra8": 4, 
 """Channels of an image's encoding; those with 16 have two bytes a sample."""
 _WRITTEN = {"/map": "nav_msgs/msg/OccupancyGrid", "/scan": "sensor_msgs/msg/LaserScan"}
 _NANO = 1_000_000_000
-_MAX_SAID = 160
-"""Characters that are told of what a parser says."""
 Planar = tuple[float, float, float]
 
 
@@ -77,13 +75,8 @@ def bag_image(path: str, number: int, max_bytes: int) -> bytes:
         return reader.image(number, max_bytes)
     except (ImageReadError, MemoryError):
         raise
-    except Exception as error:
-        raise ImageReadError("unreadable", f"the bag cannot be read at image {number} ({_said(error)})") from error
-
-
-def _said(error: Exception) -> str:
-    """What rosbags, or a parser below it, says of a damaged bag, on one line: they raise whatever they come upon."""
-    return " ".join((str(error) or type(error).__name__).split())[:_MAX_SAID]
+    except Exception as error:  # rosbags, and what it reads with, raise whatever they come upon
+        raise ImageReadError("unreadable", f"the bag cannot be read at image {number} ({said(error)})") from error
 
 
 class _Reader:
@@ -209,8 +202,8 @@ def _opened(path: str, kinds: tuple[str, ...]) -> Iterator[tuple[Any, list[Any]]
     except FfsegError:
         raise
     except Exception as error:  # a MemoryError of a size that the bag claims among them
-        said = f"{printable(bag)} cannot be read as a bag ({_said(error)})"
-        raise UsageError(f"{said}; name a .bag file or a bag's folder") from error
+        what = f"{printable(bag)} cannot be read as a bag ({said(error)})"
+        raise UsageError(f"{what}; name a .bag file or a bag's folder") from error
 
 
 def map_bag(

@@ -47,7 +47,10 @@ def _after_chunk(file: BinaryIO) -> int:
 
 def _after_element(file: BinaryIO) -> int:
     """Where the next element begins, or the first inside one of unknown length; 0 where there is none."""
-    size = _varying(file) and _varying(file)
+    try:
+        size = _varying(file) and _varying(file)
+    except EOFError:  # its head is cut
+        return file.tell() + 1
     if not size:
         return 0
     length, unknown = size
@@ -55,10 +58,13 @@ def _after_element(file: BinaryIO) -> int:
 
 
 def _varying(file: BinaryIO) -> tuple[int, bool] | None:
-    """A number whose first set bit tells its bytes, without that bit, and whether all others are set."""
+    """A number whose first set bit tells its bytes, without that bit, and whether all others are set; None of none."""
     first = file.read(1)
-    if not first or not first[0]:
+    if first == b"\0":
         return None
-    width = 9 - first[0].bit_length()
-    value = int.from_bytes(first + file.read(width - 1), "big") - (1 << 7 * width)
+    width = 9 - first[0].bit_length() if first else 1
+    data = first + file.read(width - 1)
+    if len(data) < width:
+        raise EOFError
+    value = int.from_bytes(data, "big") - (1 << 7 * width)
     return value, value == (1 << 7 * width) - 1

@@ -21,7 +21,7 @@ from functools import lru_cache
 from threading import Lock
 from typing import Any
 
-from ffseg.errors import ImageReadError
+from ffseg.errors import ImageReadError, said
 from ffseg.io.containers import is_cut
 from ffseg.io.files import printable
 from ffseg.plugins import require
@@ -137,6 +137,10 @@ def _opened(path: str) -> Any:  # noqa: ANN401 - container and picture track of 
     except (av.FFmpegError, OSError, ValueError) as error:
         raise ImageReadError("damaged", f"it is no film that can be read, or its index is cut off; {_COPY}") from error
     track = container.streams.best("video")
+    if track is not None and track.codec_context is None:
+        raise ImageReadError(
+            "unsupported-pixels", f"the film's pictures are coded as nothing that PyAV decodes; {_COPY}"
+        )
     if track is None or not track.codec_context.width:
         raise ImageReadError("not-an-image", f"the film has no picture track, or its index is cut off; {_COPY}")
     track.codec_context.thread_count = 1  # of a worker
@@ -254,8 +258,12 @@ def _pictures(path: str) -> Iterator[Any]:
                 if frame.format != "TIFF":
                     frame.load()  # WebP tells how long a frame is shown when it decodes it
                 yield frame
-    except (OSError, SyntaxError, ValueError, TypeError, Image.DecompressionBombError) as error:
-        raise ImageReadError("damaged", f"a frame of it cannot be read ({error}); write the file again") from error
+    except MemoryError:
+        raise
+    except Exception as error:  # Pillow raises whatever it comes upon
+        raise ImageReadError(
+            "damaged", f"a frame of it cannot be read ({said(error)}); write the file again"
+        ) from error
 
 
 def _times(path: str) -> Iterator[float | None]:
@@ -281,7 +289,9 @@ def _png(picture: Any, max_bytes: int) -> bytes:  # noqa: ANN401 - of Pillow
     data = io.BytesIO()
     try:
         ImageOps.exif_transpose(picture).save(data, "PNG", compress_level=0)
-    except (OSError, ValueError) as error:
+    except MemoryError:
+        raise
+    except Exception as error:
         reason = "unsupported-pixels" if "mode" in str(error) else "damaged"
-        raise ImageReadError(reason, f"the frame cannot be read ({error}); save it in 8 bits") from error
+        raise ImageReadError(reason, f"the frame cannot be read ({said(error)}); save it in 8 bits") from error
     return data.getvalue()

@@ -21,6 +21,7 @@ from ffseg.batch.plan.jobs import make_plan
 from ffseg.batch.plan.reading import read_input, split_member_path
 from ffseg.batch.workers.pictures import read_source
 from ffseg.errors import ImageReadError, UsageError
+from ffseg.io.containers import is_cut
 from ffseg.io.films import film_contents
 from ffseg.io.images import read_image
 
@@ -138,6 +139,15 @@ def test_a_film_that_was_cut_says_so_behind_its_last_frame(tmp_path: Path, name:
     read_source(frames[0])
 
 
+@pytest.mark.parametrize("rest", [b"\x18\x53", b"\x18\x53\x80\x67", b"\x18\x53\x80\x67\x01\0\0"])
+def test_a_film_that_ends_in_the_head_of_an_element_is_cut(rest: bytes, tmp_path: Path) -> None:
+    """In its name, before its length, and in that, of which no other number must be made."""
+    path = tmp_path / "a.mkv"
+    for more, cut_off in ((b"", False), (rest, True), (b"\0", False)):
+        path.write_bytes(b"\x1a\x45\xdf\xa3\x81\0" + more)
+        assert is_cut(str(path)) is cut_off
+
+
 @pytest.mark.parametrize("left", [0, 3, 30])
 @pytest.mark.parametrize(("name", "options", "mark"), [
     ("a.mkv", {"live": "1"}, b"\xa3"), ("a.mp4", {"movflags": "frag_every_frame+empty_moov"}, b"mdat"),
@@ -188,6 +198,31 @@ def test_sound_alone_is_no_film(tmp_path: Path) -> None:
         film.mux(track.encode(frame))
     (source,) = discover([str(tmp_path / "a.mkv")])
     assert source.problem.startswith("not-an-image: the film has no picture track")
+
+
+def test_a_coding_that_nobody_knows_is_told(film: Path) -> None:
+    film.write_bytes(film.read_bytes().replace(b"mp4v", b"zzzz").replace(b"avc1", b"zzzz"))
+    (source,) = discover([str(film)])
+    assert source.problem.startswith("unsupported-pixels: the film's pictures are coded as nothing that PyAV decodes")
+
+
+@pytest.mark.parametrize(
+    ("suffix", "mark", "broken"),
+    [
+        (".gif", b"\x21\xf9\x04", b"\x21\xf9\x01\0\0\x21\xf9\x04"),
+        (".tif", b"\3\1\3\0\1\0\0\0\1", b"\3\1\3\0\1\0\0\0\xff"),
+    ],
+)
+def test_a_damaged_animation_is_told_whatever_its_parser_raises(
+    suffix: str, mark: bytes, broken: bytes, tmp_path: Path
+) -> None:
+    """Of a control block of one byte `struct.error`, of a compression that nobody knows `KeyError`."""
+    path = write_animation(tmp_path / f"a{suffix}", pictures(3))
+    before, found, after = path.read_bytes().rpartition(mark)
+    assert found
+    path.write_bytes(before + broken + after)
+    (source,) = discover([str(path)], film=True)
+    assert source.problem.startswith("damaged: a frame of it cannot be read")
 
 
 def test_a_film_without_reader_is_refused_by_name(film: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
