@@ -153,7 +153,7 @@ def read_labels(path: str | os.PathLike[str]) -> Labels:
             _read(json.loads(read_bytes(name, MAX_BYTES)), labels, beside)
         except ImageReadError as error:
             raise UsageError(f"{printable(name)}: {error}") from error
-        except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+        except (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError) as error:
             raise UsageError(
                 f"{printable(name)} is no file of LabelMe, COCO or VIA ({error}); export it again"
             ) from error
@@ -214,6 +214,8 @@ def _rectangle(left: float, top: float, right: float, bottom: float) -> Paint:
 
 
 def _ellipse(x: float, y: float, wide: float, high: float, turned: float = 0.0) -> Paint:
+    if not np.isfinite([x, y, wide, high, turned]).all():
+        raise ValueError("a circle needs a centre and a radius that are finite")
     turns = np.arange(CIRCLE_CORNERS) * (2 * np.pi / CIRCLE_CORNERS)
     across, down = wide * np.cos(turns), high * np.sin(turns)
     cosine, sine = np.cos(turned), np.sin(turned)

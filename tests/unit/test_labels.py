@@ -170,6 +170,10 @@ BAD = [
     {"imagePath": "a", "shapes": [{"label": "x", "points": [1, 1, 2, 2]}]}, {},
     {"images": [{"id": 1, "file_name": "a"}],
      "annotations": [{"image_id": 1, "segmentation": {"size": [2, 2], "counts": [5, -1]}}]},
+    {"images": [{"id": 1, "file_name": "a.png"}],
+     "annotations": [{"image_id": 1, "segmentation": {"size": [2, np.inf], "counts": [4]}}]},
+    {"a.png": {"filename": "a.png", "regions": [
+        {"shape_attributes": {"name": "circle", "cx": 1, "cy": 1, "r": np.inf}, "region_attributes": {}}]}},
 ]  # fmt: skip
 
 
