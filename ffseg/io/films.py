@@ -250,8 +250,13 @@ def _require_room(frame: Any, channels: int, max_bytes: int) -> None:  # noqa: A
 
 def _pictures(path: str) -> Iterator[Any]:
     """Frames or pages of a picture file, each valid until the next is asked for."""
+    import logging
+
     from PIL import Image, ImageSequence
 
+    told = logging.getLogger("PIL")
+    if not told.handlers:
+        told.addHandler(logging.NullHandler())  # else it goes to stderr, without a name: the error says it again
     try:
         with Image.open(path, formats=("GIF", "WEBP", "PNG", "TIFF")) as picture:
             for frame in ImageSequence.Iterator(picture):

@@ -2,6 +2,8 @@
 
 import importlib.util
 import struct
+import subprocess
+import sys
 from fractions import Fraction
 from pathlib import Path
 
@@ -223,6 +225,16 @@ def test_a_damaged_animation_is_told_whatever_its_parser_raises(
     path.write_bytes(before + broken + after)
     (source,) = discover([str(path)], film=True)
     assert source.problem.startswith("damaged: a frame of it cannot be read")
+
+
+def test_what_is_said_of_a_damaged_page_names_it(tmp_path: Path) -> None:
+    """Pillow logs what it cannot decode, and Python shows on stderr what nobody handles."""
+    path = write_animation(tmp_path / "a.tif", pictures(3))
+    before, mark, after = path.read_bytes().rpartition(b"\x15\1\3\0\1\0\0\0\3")  # samples a pixel
+    path.write_bytes(before + mark[:-1] + b"\xff" + after)
+    command = [sys.executable, "-m", "ffseg", "run", path, "--film", "--out", tmp_path / "out", "-q"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, [line for line in done.stderr.splitlines() if "a.tif: damaged" not in line]) == (3, [])
 
 
 def test_a_film_without_reader_is_refused_by_name(film: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
