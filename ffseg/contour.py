@@ -18,6 +18,7 @@ from ffseg.image.edges import EdgeMap
 from ffseg.image.raster import rasterize
 from ffseg.plugins import method as chosen
 from ffseg.scene import BlockedStartError, Outcome, Scene
+from ffseg.starts.initial import starts_from_mask
 from ffseg.starts.moved import as_circle
 from ffseg.starts.parts import further_starts, starts_in_parts
 from ffseg.starts.sides import on_one_side
@@ -89,13 +90,14 @@ def contour(scene: Scene) -> ContourResult:
     begin = perf_counter()
     free, messages, across = on_one_side(scene)
     beyond = further_starts(free)  # of what lies on the starts' side
-    free = outermost(replace(free, starts=(*free.starts, *beyond)))
+    free = apart(replace(free, starts=(*free.starts, *beyond)))
     try:
         outcome = run(free)
     except BlockedStartError as blocked:
         from ffseg.starts.moved import moved_starts  # loads what only this needs
 
         free, sentence = moved_starts(replace(scene, starts=(*scene.starts, *beyond)), str(blocked))
+        free = apart(free)
         try:
             outcome, messages, across = run(free), (sentence,), False
         except BlockedStartError as still:
@@ -103,14 +105,26 @@ def contour(scene: Scene) -> ContourResult:
     return ContourResult(free, outcome, messages, (perf_counter() - begin) * 1e3, across)
 
 
-def outermost(scene: Scene) -> Scene:
-    """The scene without start circles that lie inside others: two contours would cover one region and never rest."""
+def apart(scene: Scene) -> Scene:
+    """The scene with the outlines of what they cover in place of start circles that overlap.
+
+    Two contours would cover one region, each across the other, and those that edges hold would never part.
+    """
     if len(scene.starts) < 2 or scene.start_mask is not None or scene.params.contour.balloon < 0:
         return scene
-    x, y, radii = np.array([(one.x, one.y, one.radius) for one in map(as_circle, scene.starts)]).T
-    beyond = np.hypot(x[:, None] - x, y[:, None] - y) + radii - radii[:, None]
-    within = (beyond < 1) & (radii < radii[:, None])
-    return replace(scene, starts=tuple(compress(scene.starts, ~within.any(axis=0))))
+    circles = [as_circle(one) for one in scene.starts]
+    x, y, radii = np.array([(one.x, one.y, one.radius) for one in circles]).T
+    meets = np.hypot(x[:, None] - x, y[:, None] - y) < radii[:, None] + radii
+    alone = np.count_nonzero(meets, axis=0) == 1  # each meets itself
+    if alone.all():
+        return scene
+    from ffseg.starts.rivals import add_disc  # loads what only this needs
+
+    covered = np.zeros(scene.shape, np.bool_)
+    for one in compress(circles, ~alone):
+        add_disc(covered, one.x, one.y, max(one.radius, 1.0))  # at least the nearest pixel
+    joined = starts_from_mask(covered.view(np.uint8), scene.params)
+    return replace(scene, starts=(*compress(scene.starts, alone), *joined))
 
 
 def bounded(scene: Scene) -> Scene:

@@ -154,10 +154,15 @@ def _box(box: Box, params: Parameters) -> FreeForm:
 def _from_mask(mask: Image, shape: tuple[int, int], params: Parameters, domain: Image | None) -> tuple[FreeForm, ...]:
     require_size("the start mask", mask, shape, "init.mask must have the image's size")
     inside = mask if domain is None else np.where(domain > 0, mask, np.uint8(0))
-    contours = tuple(_along(polygon, params) for polygon in outlines(inside if inside.any() else mask))
+    contours = starts_from_mask(inside if inside.any() else mask, params)
     if not contours:
         raise SegmentationError("the start mask has no pixel set; init.mask must be nonzero inside the start region")
     return contours
+
+
+def starts_from_mask(mask: Image, params: Parameters) -> tuple[FreeForm, ...]:
+    """Contours along the outlines of a mask, shape (H, W), nonzero inside; none if it is empty."""
+    return tuple(_along(polygon, params) for polygon in outlines(mask))
 
 
 def _along(polygon: Points, params: Parameters) -> FreeForm:

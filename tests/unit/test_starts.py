@@ -273,13 +273,42 @@ def test_of_equal_starts_one_counts() -> None:
     assert np.array_equal(once.mask, twice.mask)
 
 
-def test_a_start_in_another_makes_no_contour_of_its_own() -> None:
-    """Two contours covered one region, each across the other all over, until the work was spent."""
+def twigs(seed: int) -> np.ndarray:
+    """Lines of all greys on the left of a plain picture."""
+    rng, image = np.random.default_rng(seed), np.full((90, 120), 130, np.uint8)
+    for _ in range(int(rng.integers(4, 14))):
+        ends = rng.integers(0, [70, 90], (2, 2)).tolist()
+        cv2.line(image, *ends, int(rng.integers(40, 110)), int(rng.integers(1, 3)))
+    return image
+
+
+def spot() -> np.ndarray:
     image = np.full((112, 78), 150, np.uint8)
     image[28:37, 19:26] = 80
-    found = ffseg.segment(image, {"init.circles": [[26, 29, 2], [31, 42, 20], [57, 93, 12]]})
+    return image
+
+
+@pytest.mark.parametrize(
+    ("image", "circles"),
+    [
+        (spot(), [[26, 29, 2], [31, 42, 20], [57, 93, 12]]),
+        (twigs(13), [[56, 36, 10], [67, 33, 4], [55, 36, 10]]),
+        (twigs(19), [[54, 37, 11], [48, 35, 9], [55, 48, 10], [50, 39, 8]]),
+        (twigs(41), [[44, 30, 11], [50, 30, 10], [41, 26, 10], [48, 20, 9]]),
+    ],
+)
+def test_starts_that_overlap_make_one_contour(image: np.ndarray, circles: list[list[float]]) -> None:
+    """Two contours covered one region, each across the other, and where edges held them, until the work was spent."""
+    found = ffseg.segment(image, {"init.circles": circles, "edges.source": "gradient"})
     assert found.stats.stop_reason == "converged"
     assert abs(sum(one.signed_area for one in found.contours) / np.count_nonzero(found.mask) - 1) < 0.01
+
+
+def test_starts_that_overlap_between_pixels_are_starts() -> None:
+    image = np.full((60, 80), 60, np.uint8)
+    cv2.circle(image, (40, 30), 20, 200, -1)
+    circles = [[40.5, 30.5, 0.4], [40.7, 30.5, 0.4]]  # neither holds the middle of a pixel
+    assert ffseg.segment(image, {"init.circles": circles}).mask[30, 40]
 
 
 def test_a_start_that_the_region_has_lost_is_told() -> None:
