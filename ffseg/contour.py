@@ -110,7 +110,8 @@ def apart(scene: Scene) -> Scene:
 
     Two contours would cover one region, each across the other, and those that edges hold would never part.
     """
-    if len(scene.starts) < 2 or scene.start_mask is not None or scene.params.contour.balloon < 0:
+    boxes = scene.boxes and scene.params.contour.balloon < 0  # what closes in begins at these themselves
+    if len(scene.starts) < 2 or scene.start_mask is not None or boxes:
         return scene
     circles = [as_circle(one) for one in scene.starts]
     x, y, radii = np.array([(one.x, one.y, one.radius) for one in circles]).T

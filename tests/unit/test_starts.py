@@ -22,6 +22,7 @@ from ffseg.geometry.orientation import ring_area
 from ffseg.image.outlines import outlines
 from ffseg.io.starts import Start, check_starts, finds_starts, load_starts, starts_table
 from ffseg.methods.peers import PEERS
+from ffseg.metrics import iou
 from ffseg.parameters import Parameters, load_params
 from ffseg.peer_parameters import PeerParameters
 from ffseg.schema.strict_csv import MAX_BYTES
@@ -302,6 +303,16 @@ def test_starts_that_overlap_make_one_contour(image: np.ndarray, circles: list[l
     found = ffseg.segment(image, {"init.circles": circles, "edges.source": "gradient"})
     assert found.stats.stop_reason == "converged"
     assert abs(sum(one.signed_area for one in found.contours) / np.count_nonzero(found.mask) - 1) < 0.01
+
+
+def test_starts_that_overlap_close_in_on_all_that_they_hold() -> None:
+    image, truth = np.full((100, 140), 130, np.uint8), np.zeros((100, 140), np.uint8)
+    for x, y, radius in ((87, 64, 7), (91, 45, 10)):
+        cv2.circle(image, (x, y), radius, 70, -1)
+        cv2.circle(truth, (x, y), radius, 1, -1)
+    circles, closing = [[90, 65, 15], [90, 44, 23]], {"edges.source": "gradient", "contour.balloon": -2}
+    found = ffseg.segment(image, {"init.circles": circles, **closing}).mask
+    assert iou(found, truth * np.uint8(255)) > 0.9  # the corners between them stay filled
 
 
 def test_starts_that_overlap_between_pixels_are_starts() -> None:
