@@ -290,17 +290,17 @@ def spot() -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("image", "circles"),
+    ("image", "source", "circles"),
     [
-        (spot(), [[26, 29, 2], [31, 42, 20], [57, 93, 12]]),
-        (twigs(13), [[56, 36, 10], [67, 33, 4], [55, 36, 10]]),
-        (twigs(19), [[54, 37, 11], [48, 35, 9], [55, 48, 10], [50, 39, 8]]),
-        (twigs(41), [[44, 30, 11], [50, 30, 10], [41, 26, 10], [48, 20, 9]]),
+        (spot(), "auto", [[26, 29, 2], [31, 42, 20], [57, 93, 12]]),
+        (twigs(13), "gradient", [[56, 36, 10], [67, 33, 4], [55, 36, 10]]),
+        (twigs(19), "gradient", [[54, 37, 11], [48, 35, 9], [55, 48, 10], [50, 39, 8]]),
+        (twigs(41), "gradient", [[44, 30, 11], [50, 30, 10], [41, 26, 10], [48, 20, 9]]),
     ],
 )
-def test_starts_that_overlap_make_one_contour(image: np.ndarray, circles: list[list[float]]) -> None:
+def test_starts_that_overlap_make_one_contour(image: np.ndarray, source: str, circles: list[list[float]]) -> None:
     """Two contours covered one region, each across the other, and where edges held them, until the work was spent."""
-    found = ffseg.segment(image, {"init.circles": circles, "edges.source": "gradient"})
+    found = ffseg.segment(image, {"init.circles": circles, "edges.source": source})
     assert found.stats.stop_reason == "converged"
     assert abs(sum(one.signed_area for one in found.contours) / np.count_nonzero(found.mask) - 1) < 0.01
 
