@@ -21,6 +21,7 @@ from ffseg.scene import BlockedStartError, Outcome, Scene
 from ffseg.starts.initial import starts_from_mask
 from ffseg.starts.moved import as_circle
 from ffseg.starts.parts import further_starts, starts_in_parts
+from ffseg.starts.rivals import add_disc, before_rivals, rivals_of
 from ffseg.starts.sides import on_one_side
 
 _known = attrgetter(*(one.name for one in fields(EdgeMap) if one.name != "trial"))
@@ -88,20 +89,21 @@ def contour(scene: Scene) -> ContourResult:
             "no pixel of the image lies in the domain and in a box; move the box, or change the domain"
         )
     begin = perf_counter()
+    rivals = rivals_of(scene) if scene.has_rivals else None
     free, messages, across = on_one_side(scene)
     beyond = further_starts(free)  # of what lies on the starts' side
     free = apart(replace(free, starts=(*free.starts, *beyond)))
     try:
-        outcome = run(free)
+        free, outcome = without_rivals(free, rivals)
     except BlockedStartError as blocked:
         from ffseg.starts.moved import moved_starts  # loads what only this needs
 
         free, sentence = moved_starts(replace(scene, starts=(*scene.starts, *beyond)), str(blocked))
-        free = apart(free)
         try:
-            outcome, messages, across = run(free), (sentence,), False
+            free, outcome = without_rivals(apart(free), rivals)
         except BlockedStartError as still:
             raise SegmentationError(f"{sentence}, where it cannot move either; {still}") from still
+        messages, across = (sentence,), False
     return ContourResult(free, outcome, messages, (perf_counter() - begin) * 1e3, across)
 
 
@@ -119,8 +121,6 @@ def apart(scene: Scene) -> Scene:
     alone = np.count_nonzero(meets, axis=0) == 1  # each meets itself
     if alone.all():
         return scene
-    from ffseg.starts.rivals import add_disc  # loads what only this needs
-
     covered = np.zeros(scene.shape, np.bool_)
     for one in compress(circles, ~alone):
         add_disc(covered, one.x, one.y, max(one.radius, 1.0))  # at least the nearest pixel
@@ -129,22 +129,32 @@ def apart(scene: Scene) -> Scene:
 
 
 def bounded(scene: Scene) -> Scene:
-    """The scene with its edge map limited to the domain, the valid disc, and what the start reaches before its rivals."""
+    """The scene with its edge map limited to the domain and the valid disc."""
     edges, domain = scene.edges, scene.domain
     if edges.domain is None:
         limits = scene.disc if domain is None else domain
         edges = edges if limits is None else replace(edges, domain=limits)
     elif domain is not None and edges.domain is not domain:
         edges = replace(edges, domain=np.where(edges.domain > 0, domain, np.uint8(0)))
-    region = scene.params.region
-    by_hints = edges.source == "hints"  # of what lies outside
-    if region.border != "free" or (scene.clicked_outside and not by_hints):
-        from ffseg.starts.rivals import within_rivals  # loads what only this needs
-
-        edges = within_rivals(edges, scene.start_region(), scene.params, scene.background)
     return (
         scene if edges is scene.edges and edges.domain is domain else replace(scene, edges=edges, domain=edges.domain)
     )
+
+
+def without_rivals(scene: Scene, rivals: Mask | None) -> tuple[Scene, Outcome]:
+    """What the method finds; where it holds rivals, its domain ends where their fronts meet those of the starts.
+
+    Rivals that the contour leaves out by itself change nothing.
+    """
+    if rivals is None:
+        return scene, run(scene)
+    found = run(replace(scene, callback=None))
+    region = rasterize(found.contours or (), scene.shape) if found.mask is None else found.mask
+    if (region & rivals).any():
+        scene = before_rivals(scene, region, rivals)
+    elif scene.callback is None:
+        return scene, found
+    return scene, run(scene)
 
 
 def run(scene: Scene) -> Outcome:

@@ -213,6 +213,11 @@ class Scene:
         return bool(self.params.init.background) or self.background is not None
 
     @property
+    def has_rivals(self) -> bool:
+        """Whether something lies outside of which the edges do not know: what clicks have taught them, they do."""
+        return self.params.region.border == "outside" or (self.clicked_outside and self.edges.source != "hints")
+
+    @property
     def has_hints(self) -> bool:
         """Whether more than one start is given, from which the source ``hints`` learns what this image shows."""
         corrects = bool(self.boxes and self.params.init.circles)

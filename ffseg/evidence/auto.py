@@ -12,7 +12,7 @@ from ffseg.evidence.gradient import gradient
 from ffseg.image.boundary import CHECK_INTERVAL, Boundary, FaintError, unless_faint
 from ffseg.image.edges import EdgeMap
 from ffseg.scene import BlockedStartError, Scene
-from ffseg.starts.rivals import seeds
+from ffseg.starts.rivals import rivals_of
 from ffseg.starts.sides import on_one_side
 
 MET_STRENGTH = 0.5
@@ -30,8 +30,8 @@ def auto(scene: Scene) -> EdgeMap:
     edges = gradient(scene)
     if scene.params.edges.canny != "auto":
         return edges
-    found = None if _mends_a_rim(scene) else _trial(replace(_not_told_outside(scene), edges=edges, callback=None))
-    if found is not None and not _holds_clicks_outside(found, scene):
+    found = None if _mends_a_rim(scene) else _trial(replace(scene, edges=edges, callback=None))
+    if found is not None and not (scene.has_rivals and (found.region() & rivals_of(scene)).any()):
         return replace(edges, trial=(edges, found))
     if scene.has_hints:
         from ffseg.evidence.clicks import with_clicks  # these load forests, which clear edges do not need
@@ -51,21 +51,6 @@ def _mends_a_rim(scene: Scene) -> bool:
     inside = scene.start_region()
     (shown, _), _ = showing(inside, np.zeros_like(inside))
     return bool((inside & ~shown).any())
-
-
-def _not_told_outside(scene: Scene) -> Scene:
-    """The scene without clicks outside: the trial contour shows whether clear edges make them unnecessary."""
-    if not scene.clicked_outside:
-        return scene
-    init = replace(scene.params.init, background=())
-    return replace(scene, background=None, params=replace(scene.params, init=init))
-
-
-def _holds_clicks_outside(found: ContourResult, scene: Scene) -> bool:
-    if not scene.clicked_outside:
-        return False
-    outside = seeds(scene.params.init.background, scene.start_region(), scene.background)
-    return bool((found.region() & outside).any())
 
 
 def _trial(scene: Scene) -> ContourResult | None:

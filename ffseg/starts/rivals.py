@@ -9,9 +9,10 @@ import numpy as np
 
 from ffseg.arrays import Array, Image, Mask
 from ffseg.errors import SegmentationError
-from ffseg.image.edges import EdgeMap
+from ffseg.image.parts import connected_parts
 from ffseg.native import _core
-from ffseg.parameters import Parameters, Seed
+from ffseg.parameters import Seed
+from ffseg.scene import Scene
 
 SEED_IN_START = "a background seed lies in the start region; move init.background or the start"
 
@@ -23,38 +24,54 @@ HALF_SPEED_SLOPE = 4.0
 well, thresholds from noise worse."""
 
 
-def within_rivals(edges: EdgeMap, start: Mask, params: Parameters, background: Image | None = None) -> EdgeMap:
-    """The edge map with its domain limited to what the start's front reaches before its rivals.
-
-    Parameters
-    ----------
-    start : ndarray of bool, shape (H, W)
-        The start region.
-    params : Parameters
-        ``init.background`` and ``region.border`` say where rivals start, ``edges.exponent`` how edges slow the fronts.
-    background : ndarray of uint8, shape (H, W), optional
-        Nonzero where rivals start too.
+def rivals_of(scene: Scene) -> Mask:
+    """Pixels that must not lie in the region: background seeds, and the border of the image if it is outside.
 
     Raises
     ------
     SegmentationError
-        If a seed of a rival lies in the start region or outside the image, or the mask has another size.
+        If a seed lies in the start region, or the mask overlaps it.
+    """
+    start = scene.start_region()
+    rivals = seeds(scene.params.init.background, start, scene.background)
+    if scene.params.region.border == "outside":
+        rivals |= _border(rivals.shape) & ~start
+    return rivals
+
+
+def before_rivals(scene: Scene, region: Mask, rivals: Mask) -> Scene:
+    """The scene with its domain limited to what the starts' fronts reach before those of the rivals in a region.
+
+    Parameters
+    ----------
+    scene : Scene
+    region : ndarray of bool, shape (H, W)
+        What the contour would hold without rivals.
+    rivals : ndarray of bool, shape (H, W)
+        What must not lie in it. Fronts grow from the components of it that lie in the region for the most part, and from the
+        border of the image: what laps over the region's rim is kept out and no more.
 
     Notes
     -----
-    Both sides grow by fast marching with the speed ``1 / (1 + (|grad| / s)**p)``, s = `HALF_SPEED_SLOPE`, through
-    everything the domain leaves: edges slow them and do not stop them, so that they meet on the edges between them and,
-    in a gap, half-way. A pixel both reach at once belongs to the start.
+    Both sides grow by fast marching with the speed ``1 / (1 + (|grad| / s)**p)``, s = `HALF_SPEED_SLOPE`, p =
+    ``edges.exponent``, through everything the domain leaves: edges slow them and do not stop them, so that they meet on the edges
+    between them and, in a gap, half-way. A pixel both reach at once belongs to the starts. Kept to the region they would miss
+    what textures divide: photographs after six such clicks have an IoU of .70 for .72.
     """
-    rivals = seeds(params.init.background, start, background)
-    if params.region.border == "outside":
-        rivals[[0, -1]] = rivals[:, [0, -1]] = True
-        rivals &= ~start
-    if not rivals.any():
-        return edges
-    speed = 1.0 / (1.0 + (edges.magnitude() / HALF_SPEED_SLOPE) ** params.edges.exponent)
-    ours, theirs = (_arrivals(speed, seed, edges.domain) for seed in (start, rivals))
-    return replace(edges, domain=np.where(np.isfinite(ours) & (ours <= theirs), np.uint8(255), np.uint8(0)))
+    parts = connected_parts(rivals)
+    held = 2 * np.bincount(parts.labels[region], minlength=parts.number) > parts.areas
+    fronts = parts.pixels_of(np.flatnonzero(held))
+    if scene.params.region.border == "outside":
+        fronts |= _border(rivals.shape)
+    fronts &= rivals & region
+    left = ~rivals if scene.domain is None else ~rivals & (scene.domain > 0)
+    if fronts.any():
+        speed = 1.0 / (1.0 + (scene.edges.magnitude() / HALF_SPEED_SLOPE) ** scene.params.edges.exponent)
+        starts = scene.start_region() & ~rivals
+        ours, theirs = (_arrivals(speed, front, scene.edges.domain) for front in (starts, fronts))
+        left &= np.isfinite(ours) & (ours <= theirs)
+    domain = left.astype(np.uint8) * np.uint8(255)
+    return replace(scene, edges=replace(scene.edges, domain=domain), domain=domain)
 
 
 def seeds(points: Iterable[Seed], start: Mask, background: Image | None = None) -> Mask:
@@ -85,6 +102,12 @@ def add_disc(mask: Mask, x: float, y: float, radius: float) -> None:
     window = mask[top:bottom, left:right]
     rows, columns = np.ogrid[top : top + window.shape[0], left : left + window.shape[1]]
     window |= np.hypot(columns - x, rows - y) <= radius
+
+
+def _border(shape: tuple[int, ...]) -> Mask:
+    border = np.ones(shape, np.bool_)
+    border[1:-1, 1:-1] = False
+    return border
 
 
 def _arrivals(speed: Array, seed: Mask, domain: Image | None) -> Array:

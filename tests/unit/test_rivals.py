@@ -10,9 +10,7 @@ from commands import Command
 
 import ffseg
 from ffseg.errors import ParameterError, SegmentationError
-from ffseg.image.edges import edge_map
 from ffseg.metrics import iou
-from ffseg.starts.rivals import within_rivals
 from tests.masks import read_mask, write_image
 
 
@@ -58,10 +56,26 @@ def test_a_circle_smaller_than_a_point_is_one(radius: float) -> None:
     assert not small.mask[60, 100]
 
 
-def test_without_rivals_nothing_changes() -> None:
-    image = rooms()
-    edges = edge_map(image, ffseg.load_params().edges)
-    assert within_rivals(edges, np.zeros(image.shape, bool), ffseg.load_params()) is edges
+@pytest.mark.parametrize("source", ["gradient", "auto"])
+def test_a_seed_in_what_edges_leave_out_changes_nothing(source: str) -> None:
+    """Its front ran through the wall, and took what lies far from the start."""
+    image = np.full((120, 400), 180, np.uint8)
+    cv2.circle(image, (340, 60), 25, 60, -1)
+    params = {"init.center": [30, 60], "init.radius": 8, "edges.source": source}
+    alone = ffseg.segment(image, params)
+    told = ffseg.segment(image, {**params, "init.background": [[340, 60, 4]]})
+    np.testing.assert_array_equal(told.mask, alone.mask)
+    assert told.score == alone.score
+
+
+def test_a_seed_that_laps_over_the_rim_is_kept_out_and_no_more() -> None:
+    image = np.full((120, 400), 180, np.uint8)
+    cv2.circle(image, (340, 60), 25, 60, -1)
+    params = {"init.center": [30, 60], "init.radius": 8, "edges.source": "gradient"}
+    alone = ffseg.segment(image, params).mask
+    told = ffseg.segment(image, {**params, "init.background": [[340, 37, 4]]}).mask
+    assert not told[34, 340]
+    assert np.count_nonzero(alone & ~told) < 60
 
 
 def test_the_border_of_the_image_as_a_rival() -> None:
