@@ -100,6 +100,10 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
     _check_extras(pixels, edges, center, altitudes)
     if domain is None and chosen.domain.masks is not None:
         raise ParameterError("domain.masks finds masks by the names of files; give the one of this image: domain=mask")
+    if edges is None and chosen.edges.model is not None:
+        from ffseg.evidence.source import check_model  # loads what only models need
+
+        check_model(chosen.edges.model, chosen.network)
     return pipeline.segment(
         Scene(
             pixels,

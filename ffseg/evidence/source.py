@@ -228,12 +228,13 @@ def check_model(path: str, network: Network | None = None) -> None:
     if path.endswith(FOREST_SUFFIX):
         ready(path)
     elif path.endswith(NETWORK_SUFFIX):
-        _require_harmless(path, network or Network())
+        _require_harmless(path, _mark(path), network or Network())
     else:
         raise ParameterError(f"edges.model {printable(path)}: it is neither a .ffmodel nor an .onnx file")
 
 
-def _require_harmless(path: str, network: Network) -> None:
+@lru_cache(maxsize=4)
+def _require_harmless(path: str, mark: tuple[int, int, int], network: Network) -> None:  # noqa: ARG001 - part of the key
     from ffseg.image.onnx import require_harmless
 
     try:

@@ -178,6 +178,8 @@ def test_a_network_with_one_bit_turned_ends_no_command(tmp_path: Path, bit: int,
     cv2.imwrite(str(image), red_disc()[0])
     with pytest.raises(ParameterError, match=r"bad\.onnx: (reading or running it ends OpenCV \(SIG|it is no network)"):
         check_model(str(path))  # an older OpenCV may refuse by itself
+    with pytest.raises(ParameterError, match=r"bad\.onnx: "):  # it ended the interpreter
+        ffseg.segment(red_disc()[0], {"edges.model": str(path)})
     given = [tmp_path / "a.svg"] if command == "segment" else ["--out", out]
     words = [sys.executable, "-m", "ffseg", command, image, *given, "--set", f"edges.model={path}"]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
