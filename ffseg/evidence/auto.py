@@ -10,7 +10,9 @@ import numpy as np
 from ffseg.contour import ContourResult, bounded, run
 from ffseg.evidence.gradient import gradient
 from ffseg.image.boundary import CHECK_INTERVAL, Boundary, FaintError, unless_faint
+from ffseg.image.components import filled
 from ffseg.image.edges import EdgeMap
+from ffseg.image.opencv_peers import dilated_by_disc
 from ffseg.scene import BlockedStartError, Scene
 from ffseg.starts.rivals import rivals_of
 from ffseg.starts.sides import on_one_side
@@ -30,8 +32,8 @@ def auto(scene: Scene) -> EdgeMap:
     edges = gradient(scene)
     if scene.params.edges.canny != "auto":
         return edges
-    found = None if _mends_a_rim(scene) else _trial(replace(scene, edges=edges, callback=None))
-    if found is not None and not (scene.has_rivals and (found.region() & rivals_of(scene)).any()):
+    found = _trial(replace(scene, edges=edges, callback=None))
+    if found is not None and not (_holds_rivals(found, scene) or _mends_a_rim(found, scene)):
         return replace(edges, trial=(edges, found))
     if scene.has_hints:
         from ffseg.evidence.clicks import with_clicks  # these load forests, which clear edges do not need
@@ -42,15 +44,23 @@ def auto(scene: Scene) -> EdgeMap:
     return with_prior(scene, edges)
 
 
-def _mends_a_rim(scene: Scene) -> bool:
-    """Whether a click is so narrow, compared with another, that it fixes its own pixels only and starts no contour."""
+def _holds_rivals(found: ContourResult, scene: Scene) -> bool:
+    return scene.has_rivals and bool((found.region() & rivals_of(scene)).any())
+
+
+def _mends_a_rim(found: ContourResult, scene: Scene) -> bool:
+    """Whether a click that is much narrower than another lies beside what that holds: it is to mend the rim, and no start."""
     if len(scene.params.init.circles) < 2:
         return False
-    from ffseg.evidence.hints import showing  # loads forests
+    from ffseg.evidence.hints import HELD_RADIUS, showing  # loads forests
 
     inside = scene.start_region()
-    (shown, _), _ = showing(inside, np.zeros_like(inside))
-    return bool((inside & ~shown).any())
+    narrow = inside & ~showing(inside, np.zeros_like(inside))[0][0]
+    if not narrow.any():
+        return False
+    beside = dilated_by_disc(narrow, HELD_RADIUS)
+    held = (filled(one, scene.shape) for one in found.outcome.contours or () if one.signed_area > 0)
+    return any((beside[own.window()] & own.mask).any() and not (narrow[own.window()] & own.mask).any() for own in held)
 
 
 def _trial(scene: Scene) -> ContourResult | None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cached_property
+from math import isqrt
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from ffseg.arrays import Mask
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import packed_joints
+from ffseg.image.components import filled
 from ffseg.image.edges import AUTO_HIGH_MIN, GRADIENT_SCALE, EdgeMap
 from ffseg.image.raster import rasterize
 from ffseg.native import _core
@@ -105,25 +107,54 @@ class Boundary:
 
     @cached_property
     def is_plain(self) -> bool:
-        """Whether almost nothing but noise and the boundary's own edges is seen in the region."""
+        """Whether almost nothing but noise and the boundary's own edges is seen in the region; each part has its own."""
+        region = self.region & ~rasterize(self._covered, self.region.shape) if self._covered else self.region
+        outer = [one for one in self._contours if one.signed_area > 0]
+        if len(outer) < 2:
+            return self._lively_share(np.s_[:, :], region, MAX_LIVELY) <= MAX_LIVELY
+        area, lively = np.count_nonzero(region), 0.0
+        for window, part, boundary in self._parts(outer, region):
+            weight = np.count_nonzero(part) / area
+            lively += weight * boundary._lively_share(window, part, MAX_LIVELY / weight)
+            if lively > MAX_LIVELY:
+                return False
+        return True
+
+    def _lively_share(self, window: tuple[slice, slice], region: Mask, most: float) -> float:
+        """Share of a region in a window that is lively; 1 where it is more than `most`."""
         rows = packed_joints(self._contours)[0][:, 1]
         step = 1 + int(np.ptp(rows)) // SAMPLED_ROWS if len(rows) else 1
         strength = self._ascending[len(self.strength) // 2] if len(self.strength) else 0.0
         edge = EDGE_GAIN * strength * np.exp(-np.arange(SQUARED_REACH + 1) / (2 * EDGE_WIDTH**2))
         edge[-1] = 0.0
         levels = (NOISE_GRADIENT + edge) * high_threshold(self._edges)
-        region = self.region & ~rasterize(self._covered, self.region.shape) if self._covered else self.region
-        return _core.lively_share(region.view(np.uint8), self._edges.gradient, levels, step, MAX_LIVELY) <= MAX_LIVELY
+        gradient = np.ascontiguousarray(self._edges.gradient[window])
+        return _core.lively_share(region.view(np.uint8), gradient, levels, step, most)
+
+    def _parts(self, outer: list[FreeForm], region: Mask) -> Iterator[tuple[tuple[slice, slice], Mask, Boundary]]:
+        """What outer contours hold of a region, small ones first: rows and columns, pixels there, and the boundary of each."""
+        holes = [one for one in self._contours if one.signed_area <= 0]
+        left, alone, margin = region.copy(), np.zeros_like(region), isqrt(SQUARED_REACH) + 1
+        for one in sorted(outer, key=lambda one: one.signed_area):
+            own = filled(one, region.shape)
+            rows, columns = own.window()
+            alone[rows, columns] = own.mask & left[rows, columns]
+            left[rows, columns] &= ~own.mask
+            if alone[rows, columns].any():
+                down, across = (slice(max(at.start - margin, 0), at.stop + margin) for at in (rows, columns))
+                near = [hole for hole in holes if own.holds(hole.control_points[0])]
+                yield (down, across), alone[down, across].copy(), Boundary((one, *near), self._edges)
+            alone[rows, columns] = False
 
 
 def unless_faint(edges: EdgeMap, least: float, covered: tuple[FreeForm, ...] = ()) -> Callable[[Any], None]:
     """A callback that raises `FaintError` once the edges met by an evolution, those of at least this strength, are faint.
 
-    Not checked are the start, if it has too few joints, and the final contour, which the caller checks.
+    Not checked are the starts, which may lie near edges, and the final contour, which the caller checks.
     """
 
     def watch(progress: Any) -> None:  # noqa: ANN401 - an `ffseg.scene.Progress`, of a higher floor
-        if progress.iteration % CHECK_INTERVAL or sum(one.num_patches for one in progress.contours) < MIN_JOINTS:
+        if progress.iteration == 0 or progress.iteration % CHECK_INTERVAL:
             return
         met = Boundary(progress.contours, edges, covered)
         if np.count_nonzero(met.strength >= least) < MIN_JOINTS:

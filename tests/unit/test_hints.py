@@ -4,6 +4,7 @@ from statistics import mean
 from typing import cast
 from unittest.mock import Mock
 
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -266,3 +267,21 @@ def test_no_contour_grows_from_a_click_that_mends_a_rim() -> None:
     image = np.where(np.hypot(x - 150, y - 150) <= 60, np.uint8(200), np.uint8(60))
     truth = np.where(np.hypot(x - 150, y - 150) <= 60, np.uint8(INSIDE), np.uint8(0))
     assert iou(ffseg.segment(image, {"init.circles": [[150, 150, 10], [150, 88, 1]]}).mask, truth) > 0.9
+
+
+@pytest.mark.parametrize("radius", [3.0, None])
+def test_things_of_other_contrast_and_size_are_each_judged_by_their_own_edges(radius: float | None) -> None:
+    """Edges were compared with those of all, starts that lay near edges ended the trial, and small ones were no starts."""
+    rng, image, circles = np.random.default_rng(4), np.full((300, 400), 70.0), []
+    y, x = np.indices(image.shape)
+    truth = np.zeros(image.shape, np.uint8)
+    for row in range(3):
+        for column in range(4):
+            middle, size = (50 + 100 * column, 50 + 100 * row), 8 + 2 * (row + column)
+            inside = np.hypot(x - middle[0], y - middle[1]) <= size
+            image[inside], truth[inside] = rng.choice([110, 125, 220]), INSIDE
+            circles.append([*middle, radius or 0.25 * size])
+    image = cv2.GaussianBlur(image, (0, 0), 1.0) + rng.normal(0, 6, image.shape)
+    found = ffseg.segment(np.clip(image, 0, 255).astype(np.uint8), {"init.circles": circles})
+    assert (found.source, found.score > 0.95) == ("gradient", True)
+    assert iou(found.mask, truth) > 0.95
