@@ -3,7 +3,8 @@
 The state is a plane of log odds of inside. It begins as the prior's log odds for the first start, or as those of a model, a map
 or boxes. A later click gives new log odds, learned from it and all clicks before it (`ffseg.evidence.hints`); they replace the
 old ones only where they turn pixels to the side of that click, connected with it and near it (`CLICK_REACH`): a click mends
-the error that it was made for, and little else. Circles and points outside have an order each, and points may say after how
+the error that it was made for, and little else. While there are none outside, what the prior says from all circles at once counts
+if it is surer: they may be samples of many things. Circles and points outside have an order each, and points may say after how
 many circles they came; otherwise the one deeper in the present error is applied first, as a user would click.
 """
 
@@ -20,7 +21,7 @@ from ffseg.evidence import hints, prior
 from ffseg.evidence.features import enlarged, reduced_mean, reduced_shape, reduction
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.hints import HELD_RADIUS
-from ffseg.evidence.maps import log_odds, odds_edges
+from ffseg.evidence.maps import log_odds, odds_edges, probability
 from ffseg.evidence.prior import MAX_LOG_ODDS
 from ffseg.evidence.recent import Recent, digest_of
 from ffseg.evidence.surroundings import STRIDE, strided
@@ -164,6 +165,10 @@ class ClickState:
     counted: Mask
     stays: Mask
 
+    def certainty(self) -> float:
+        """Mean probability in the region: the overlap that these log odds expect of it; 0 if it is empty."""
+        return float(probability(self.odds)[self.stays].mean(dtype=np.float64)) if self.stays.any() else 0.0
+
 
 def hint_edges(scene: Scene) -> EdgeMap:
     """Edges of the region given by clicks: the source ``hints``."""
@@ -282,30 +287,38 @@ def _view(clicked: ClickedImage, inside: Mask) -> prior.PriorView:
 def _state_before(clicked: ClickedImage) -> ClickState | None:
     """The state before any click, corrected by a mask of what lies outside, if there is one."""
     odds = clicked.reduced_base
-    if odds is None:
-        odds = _view(clicked, clicked.inside).odds - np.float32(prior.CAUTION)
-    state = first_state(clicked, odds)
+    state = first_state(clicked, _prior_odds(clicked, clicked.inside) if odds is None else odds, clicked.inside)
     if not clicked.outside.any():
         return state
     return _state_after(clicked, state, (), clicked.correction(state, clicked.region(clicked.outside), False, True))
 
 
-def first_state(clicked: ClickedImage, odds: Plane) -> ClickState:
-    """The initial state with these log odds."""
-    return ClickState(
-        odds, np.zeros(odds.shape, np.bool_), parts_holding(odds > clicked.level, clicked.region(clicked.inside))
-    )
+def _prior_odds(clicked: ClickedImage, inside: Mask) -> Plane:
+    return _view(clicked, inside).odds - np.float32(prior.CAUTION)
+
+
+def first_state(clicked: ClickedImage, odds: Plane, inside: Mask) -> ClickState:
+    """The state with these log odds, and nothing corrected: the components that hold what is known to lie inside."""
+    return ClickState(odds, np.zeros(odds.shape, np.bool_), parts_holding(odds > clicked.level, clicked.region(inside)))
 
 
 def _state_after(
     clicked: ClickedImage, before: ClickState, done: Sequence[Click], click: hints.Correction
 ) -> ClickState | None:
-    """The state after several clicks, of which the last is this correction."""
+    """The state after several clicks, of which the last is this correction.
+
+    While there are none outside, clicks may also be samples of many things: then the prior sees all of them at once, and what is
+    surer of its own region counts.
+    """
     inside, outside = clicked.known(done)
     answer = hints.hints(partial(_view, clicked), inside, outside, click, clicked.base_from)
     if answer is None:
         return None if clicked.base is None else before
-    return next_state(clicked, before, *answer, inside, click)
+    corrected = next_state(clicked, before, *answer, inside, click)
+    if outside.any() or clicked.base is not None:
+        return corrected
+    (shown, _), _ = hints.showing(inside, outside)
+    return max(corrected, first_state(clicked, _prior_odds(clicked, shown), inside), key=ClickState.certainty)
 
 
 def next_state(
