@@ -294,14 +294,12 @@ def _view(clicked: ClickedImage, inside: Mask) -> prior.PriorView:
 def _state_before(clicked: ClickedImage) -> ClickState | None:
     """The state before any click, corrected by a mask of what lies outside, if there is one."""
     odds = clicked.reduced_base
-    state = first_state(clicked, _prior_odds(clicked, clicked.inside) if odds is None else odds, clicked.inside)
+    if odds is None:
+        odds = _view(clicked, clicked.inside).cautious_odds
+    state = first_state(clicked, odds, clicked.inside)
     if not clicked.outside.any():
         return state
     return _state_after(clicked, state, (), clicked.correction(state, clicked.region(clicked.outside), False, True))
-
-
-def _prior_odds(clicked: ClickedImage, inside: Mask) -> Plane:
-    return _view(clicked, inside).odds - np.float32(prior.CAUTION)
 
 
 def first_state(clicked: ClickedImage, odds: Plane, inside: Mask) -> ClickState:
@@ -325,7 +323,7 @@ def _state_after(
     if outside.any() or clicked.base is not None:
         return corrected
     (shown, _), _ = hints.showing(inside, outside)
-    return max(corrected, first_state(clicked, _prior_odds(clicked, shown), inside), key=ClickState.certainty)
+    return max(corrected, first_state(clicked, _view(clicked, shown).cautious_odds, inside), key=ClickState.certainty)
 
 
 def next_state(

@@ -106,6 +106,11 @@ class PriorView:
         """Smoothed log odds at every `STRIDE`-th pixel of the reduced image, shape (h, w)."""
         return blurred(voted(self.forest_odds, self.seen), SMOOTHING / STRIDE)
 
+    @property
+    def cautious_odds(self) -> Plane:
+        """The same less `CAUTION`: the region ends where they are 0."""
+        return self.odds - np.float32(CAUTION)
+
 
 def prior_view(image: Image, starts: Mask) -> PriorView:
     """The input of the forest."""

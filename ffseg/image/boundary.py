@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import cached_property
-from math import isqrt
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -133,18 +133,14 @@ class Boundary:
 
     def _parts(self, outer: list[FreeForm], region: Mask) -> Iterator[tuple[tuple[slice, slice], Mask, Boundary]]:
         """What outer contours hold of a region, small ones first: rows and columns, pixels there, and the boundary of each."""
-        holes = [one for one in self._contours if one.signed_area <= 0]
-        left, alone, margin = region.copy(), np.zeros_like(region), isqrt(SQUARED_REACH) + 1
+        holes, left = [one for one in self._contours if one.signed_area <= 0], region.copy()
+        places = np.reshape([hole.control_points[0] for hole in holes], (-1, 2))
         for one in sorted(outer, key=lambda one: one.signed_area):
             own = filled(one, region.shape)
-            rows, columns = own.window()
-            alone[rows, columns] = own.mask & left[rows, columns]
-            left[rows, columns] &= ~own.mask
-            if alone[rows, columns].any():
-                down, across = (slice(max(at.start - margin, 0), at.stop + margin) for at in (rows, columns))
-                near = [hole for hole in holes if own.holds(hole.control_points[0])]
-                yield (down, across), alone[down, across].copy(), Boundary((one, *near), self._edges)
-            alone[rows, columns] = False
+            part = own.mask & left[own.window()]
+            left[own.window()] &= ~own.mask
+            if part.any():
+                yield own.window(), part, Boundary((one, *compress(holes, one.winding(places))), self._edges)
 
 
 def unless_faint(edges: EdgeMap, least: float, covered: tuple[FreeForm, ...] = ()) -> Callable[[Any], None]:

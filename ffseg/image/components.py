@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ffseg.arrays import Mask
 from ffseg.geometry.freeform import FreeForm
@@ -50,11 +49,6 @@ class Component:
         """Rows and columns of the image that ``mask`` covers."""
         x, y = self.origin
         return slice(y, y + self.mask.shape[0]), slice(x, x + self.mask.shape[1])
-
-    def holds(self, point: NDArray[np.float64]) -> bool:
-        """Whether the pixel nearest to a point (x, y) lies in it."""
-        column, row = np.rint(point - self.origin).astype(int).tolist()
-        return 0 <= row < self.mask.shape[0] and 0 <= column < self.mask.shape[1] and bool(self.mask[row, column])
 
 
 def contour_components(contours: Sequence[FreeForm], shape: tuple[int, int]) -> tuple[list[int], list[Component]]:

@@ -246,7 +246,7 @@ def for_clicks(seen: Sight, rng: np.random.Generator, model: Compiled | None = N
     answer = None if model is None else partial(_answer, model, seen.image)
     clicked = ClickedImage(seen.image, inside, outside, None if answer is None else answer(inside), 0.0, None, answer)
     own, say = prior.prior_view(seen.image, clicked.inside), clicked.reduced_base
-    state = first_state(clicked, own.odds - np.float32(prior.CAUTION) if say is None else say, clicked.inside)
+    state = first_state(clicked, own.cautious_odds if say is None else say, clicked.inside)
     for _ in range(int(rng.integers(*CLICKS))):
         mask = (clicked.enlarged(state.odds) > 0) & (clicked.enlarged(state.stays) >= HALF) & ~outside | inside
         before, clicks = clicks, clicks.next(mask, seen.truth, float(rng.uniform(*CLICK_SIZES)) * max(shape))

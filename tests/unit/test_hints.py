@@ -19,6 +19,7 @@ from ffseg.learning.drawn.sights import Sight, sights
 from ffseg.metrics import INSIDE, iou
 from ffseg.parameters import Circle
 from ffseg.result import Segmentation
+from tests.discs import disc_of
 
 UNSEEN = 300_000
 """Number of the first picture: the forest has learned from others."""
@@ -273,12 +274,11 @@ def test_no_contour_grows_from_a_click_that_mends_a_rim() -> None:
 def test_things_of_other_contrast_and_size_are_each_judged_by_their_own_edges(radius: float | None) -> None:
     """Edges were compared with those of all, starts that lay near edges ended the trial, and small ones were no starts."""
     rng, image, circles = np.random.default_rng(4), np.full((300, 400), 70.0), []
-    y, x = np.indices(image.shape)
-    truth = np.zeros(image.shape, np.uint8)
+    truth, draw = np.zeros(image.shape, np.uint8), disc_of(image.shape)
     for row in range(3):
         for column in range(4):
             middle, size = (50 + 100 * column, 50 + 100 * row), 8 + 2 * (row + column)
-            inside = np.hypot(x - middle[0], y - middle[1]) <= size
+            inside = draw(*middle, size)
             image[inside], truth[inside] = rng.choice([110, 125, 220]), INSIDE
             circles.append([*middle, radius or 0.25 * size])
     image = cv2.GaussianBlur(image, (0, 0), 1.0) + rng.normal(0, 6, image.shape)
@@ -289,11 +289,10 @@ def test_things_of_other_contrast_and_size_are_each_judged_by_their_own_edges(ra
 
 def test_starts_in_many_things_are_samples_of_them() -> None:
     """The prior leaked from the first, a small thing in noise, and later clicks only added to that: IoU .14."""
-    rng, image = np.random.default_rng(28), np.full((600, 800), 60.0)
-    y, x = np.indices(image.shape)
-    truth, circles = np.zeros(image.shape, np.uint8), list[Circle]()
+    rng, image, circles = np.random.default_rng(28), np.full((600, 800), 60.0), list[Circle]()
+    truth, draw = np.zeros(image.shape, np.uint8), disc_of(image.shape)
     for middle, size in (((211, 580), 7), ((150, 380), 9), ((712, 46), 10), ((350, 205), 11), ((231, 342), 9)):
-        inside = np.hypot(x - middle[0], y - middle[1]) <= size
+        inside = draw(*middle, size)
         image[inside], truth[inside] = rng.uniform(110, 180), INSIDE
         circles.append((*middle, 3.0))
     image = cv2.GaussianBlur(image, (0, 0), 1.3) + rng.normal(0, 25, image.shape)

@@ -11,6 +11,7 @@ from commands import Command
 import ffseg
 from ffseg.errors import ParameterError, SegmentationError
 from ffseg.metrics import iou
+from tests.discs import bright_disc
 from tests.masks import read_mask, write_image
 
 
@@ -56,24 +57,23 @@ def test_a_circle_smaller_than_a_point_is_one(radius: float) -> None:
     assert not small.mask[60, 100]
 
 
+def beside_a_disc(source: str, *seeds: tuple[int, int, int]) -> ffseg.Segmentation:
+    """Plain ground with a disc at (340, 60), of radius 25, far from the start."""
+    image = bright_disc((120, 400), (340, 60), 25)
+    start = {"init.center": [30, 60], "init.radius": 8, "edges.source": source}
+    return ffseg.segment(image, {**start, "init.background": seeds})
+
+
 @pytest.mark.parametrize("source", ["gradient", "auto"])
 def test_a_seed_in_what_edges_leave_out_changes_nothing(source: str) -> None:
     """Its front ran through the wall, and took what lies far from the start."""
-    image = np.full((120, 400), 180, np.uint8)
-    cv2.circle(image, (340, 60), 25, 60, -1)
-    params = {"init.center": [30, 60], "init.radius": 8, "edges.source": source}
-    alone = ffseg.segment(image, params)
-    told = ffseg.segment(image, {**params, "init.background": [[340, 60, 4]]})
+    alone, told = beside_a_disc(source), beside_a_disc(source, (340, 60, 4))
     np.testing.assert_array_equal(told.mask, alone.mask)
     assert told.score == alone.score
 
 
 def test_a_seed_that_laps_over_the_rim_is_kept_out_and_no_more() -> None:
-    image = np.full((120, 400), 180, np.uint8)
-    cv2.circle(image, (340, 60), 25, 60, -1)
-    params = {"init.center": [30, 60], "init.radius": 8, "edges.source": "gradient"}
-    alone = ffseg.segment(image, params).mask
-    told = ffseg.segment(image, {**params, "init.background": [[340, 37, 4]]}).mask
+    alone, told = beside_a_disc("gradient").mask, beside_a_disc("gradient", (340, 37, 4)).mask
     assert not told[34, 340]
     assert np.count_nonzero(alone & ~told) < 60
 
