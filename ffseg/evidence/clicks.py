@@ -39,6 +39,10 @@ from ffseg.starts.rivals import POINT_RADIUS, add_disc, seeds
 CLICK_REACH = 4.0
 """Radius within which a click counts, in units of its depth: the distance from the click to the nearest pixel of its side."""
 
+MOST_TAKEN = 0.1
+"""Most of the region, as a fraction, that a click which mends an error takes away where it does not count. Of 237 clicks in leaks
+of what models say of drawings, 74 took more and lost .12 of the IoU by it; what the others took away changed the IoU by .001."""
+
 MOST_CORRECTIONS = 20
 """So many clicks are counted where segmentation by clicks is measured; more circles, and none outside, are no corrections but
 samples, which the prior sees at once: a hundred discs in noise take a thirtieth of the time, with an IoU of .83 to .94 for .86 to
@@ -319,11 +323,23 @@ def _state_after(
     answer = hints.hints(partial(_view, clicked), inside, outside, click, clicked.base_from)
     if answer is None:
         return None if clicked.base is None else before
-    corrected = next_state(clicked, before, *answer, inside, click)
+    corrected = _within_reach(clicked, before, *answer, inside, click)
     if outside.any() or clicked.base is not None:
         return corrected
     (shown, _), _ = hints.showing(inside, outside)
     return max(corrected, first_state(clicked, _view(clicked, shown).cautious_odds, inside), key=ClickState.certainty)
+
+
+def _within_reach(
+    clicked: ClickedImage, before: ClickState, near: Plane, elsewhere: Plane, inside: Mask, click: hints.Correction
+) -> ClickState:
+    """The state after a click, without what it shows of other places if it mends an error and that would take much of these."""
+    state = next_state(clicked, before, near, elsewhere, inside, click)
+    if click.depth == 0 or not click.shows_both:
+        return state
+    mended = next_state(clicked, before, near, before.odds, inside, click)
+    taken = np.count_nonzero(mended.stays & ~state.stays)
+    return mended if taken > MOST_TAKEN * np.count_nonzero(mended.stays) else state
 
 
 def next_state(

@@ -47,6 +47,7 @@ RULES = (
     Rule("what has met no edge does not count", "evidence/auto.py", {"MET_STRENGTH": 0.0}, _PRIOR),
     Rule("what looks nearly alike is left out", "evidence/prior.py", {"CAUTION": 0.0}, _PRIOR),
     Rule("the first click outside counts elsewhere, too", "evidence/hints.py", {"ELSEWHERE_WEIGHT": 0.0}, ("hints",)),
+    Rule("a correction takes little elsewhere", "evidence/clicks.py", {"MOST_TAKEN": 1.0}, ("hints",)),
     Rule("a click counts near where it lies", "evidence/clicks.py", {"CLICK_REACH": inf}, ("hints",)),
     Rule("more than twenty starts are samples", "evidence/clicks.py", {"MOST_CORRECTIONS": 10**6}, ("hints",)),
     Rule("a start lies on one side", "starts/sides.py", {"MIN_KEPT_RADIUS": inf}, _SIDES),

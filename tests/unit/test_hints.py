@@ -14,6 +14,7 @@ from ffseg.evidence import clicks as evidence
 from ffseg.evidence import hints, prior
 from ffseg.evidence.clicks import Click, ClickedImage, ClickState, state_after_all
 from ffseg.evidence.recent import Recent
+from ffseg.image.free import distances
 from ffseg.learning.drawn.clicks import Clicks, disc_mask
 from ffseg.learning.drawn.sights import Sight, sights
 from ffseg.metrics import INSIDE, iou
@@ -135,6 +136,19 @@ def test_a_click_outside_corrects_what_a_map_says_and_leaves_the_rest() -> None:
     asked = {"init.circles": [[40, 80, 5]], "init.background": [[125, 80, 5]]}
     found = ffseg.segment(image, asked, evidence=said)
     assert (found.source, iou(found.mask, truth) > 0.95) == ("hints", True)
+
+
+@pytest.mark.parametrize("kind", ["thing", "tissue", "animal"])
+def test_a_click_in_a_leak_of_a_map_that_is_not_sure_takes_the_leak_and_little_else(kind: str) -> None:
+    for seen in sights(kind, 6, UNSEEN):
+        truth = seen.truth == INSIDE
+        near = cv2.dilate(seen.truth, np.ones((81, 81), np.uint8)) == INSIDE
+        y, x = np.unravel_index(np.argmax(np.where(near, distances(~truth), 0)), truth.shape)
+        leaking = truth | disc_mask(((float(x), float(y), 30.0),), truth.shape)
+        said = np.where(leaking, np.float32(0.6), np.float32(0.2))
+        asked = {"init.circles": [list(seen.start)], "init.background": [[float(x), float(y), 4.0]]}
+        found = ffseg.segment(seen.image, asked, evidence=said)
+        assert iou(found.mask, seen.truth) > iou(leaking, seen.truth) - 0.02
 
 
 def told(said: NDArray[np.float32], circles: list[Click], points: list[Click] = []) -> ClickState:  # noqa: B006 - never changed
