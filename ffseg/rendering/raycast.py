@@ -201,12 +201,14 @@ class _Caster:
     def _box_hits(self, eye: Array, ways: Array, reach: Array, item: tuple[int, Box], hits: _Hits) -> Array:
         index, box = item
         origin = np.append(_turned(eye[:2] - box.center, box.angle), eye[2] - box.height / 2)
-        along = np.column_stack([_turned(ways[:, :2], box.angle), ways[:, 2]])
         half = np.append(box.half, box.height / 2)
+        near_it = _toward(ways, np.append(box.center, box.height / 2) - eye, float(np.linalg.norm(half)))
+        ways = ways[near_it]
+        along = np.column_stack([_turned(ways[:, :2], box.angle), ways[:, 2]])
         enter = (-np.sign(along) * half - origin) / along
         leave = (np.sign(along) * half - origin) / along
         near = np.maximum(np.maximum(*enter.T[:2]), enter.T[2])
-        met = (near > 0) & (near <= np.minimum(np.minimum(*leave.T[:2]), leave.T[2])) & (near < reach)
+        met = (near > 0) & (near <= np.minimum(np.minimum(*leave.T[:2]), leave.T[2])) & (near < reach[near_it])
         axis = np.argmax(enter[met], axis=1)
         point = origin + along[met] * near[met, None]
         face = np.where(axis == 2, 0, 1 + 2 * axis + (along[met, axis] > 0))
@@ -220,10 +222,19 @@ class _Caster:
             square = np.floor(surface / box.squares[0]).sum(axis=1) % 2 == 0
             grey[square] = box.squares[1]
         grey += self._faces(surface + 3.0 * (index + face)[:, None], near[met] * RADIANS_PER_PIXEL)
-        hits.label[met] = FIRST_BOX + index
-        hits.part[met] = ((FIRST_BOX + index) * 8 + face) * 4 + 2 * square + sticker
-        hits.grey[met] = grey
-        return np.where(met, near, reach)
+        rays = near_it[met]
+        hits.label[rays] = FIRST_BOX + index
+        hits.part[rays] = ((FIRST_BOX + index) * 8 + face) * 4 + 2 * square + sticker
+        hits.grey[rays] = grey
+        reach[rays] = near[met]
+        return reach
+
+
+def _toward(ways: Array, middle: Array, radius: float) -> NDArray[np.intp]:
+    """Unit rays that may meet a sphere of this radius round a point, seen from the eye: within the cone that touches it."""
+    cosine = np.sqrt(max(1 - radius**2 / float(middle @ middle), 0.0))
+    found: NDArray[np.intp] = np.flatnonzero(ways @ middle >= (cosine - 1e-9) * np.linalg.norm(middle))
+    return found if cosine > 0 else np.arange(len(ways))
 
 
 def tilt_matrix(about_x: float, about_y: float) -> Array:
