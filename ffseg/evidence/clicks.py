@@ -333,7 +333,7 @@ def _state_after(
 def _within_reach(
     clicked: ClickedImage, before: ClickState, near: Plane, elsewhere: Plane, inside: Mask, click: hints.Correction
 ) -> ClickState:
-    """The state after a click, without what it shows of other places if it mends an error and that would take much of these."""
+    """The state after a click; if it mends an error, without what it shows elsewhere where that would take much of the region."""
     state = next_state(clicked, before, near, elsewhere, inside, click)
     if click.depth == 0 or not click.shows_both:
         return state

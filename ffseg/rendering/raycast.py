@@ -231,10 +231,11 @@ class _Caster:
 
 
 def _toward(ways: Array, middle: Array, radius: float) -> NDArray[np.intp]:
-    """Unit rays that may meet a sphere of this radius round a point, seen from the eye: within the cone that touches it."""
-    cosine = np.sqrt(max(1 - radius**2 / float(middle @ middle), 0.0))
-    found: NDArray[np.intp] = np.flatnonzero(ways @ middle >= (cosine - 1e-9) * np.linalg.norm(middle))
-    return found if cosine > 0 else np.arange(len(ways))
+    """Unit rays that may meet a sphere round a point, relative to the eye: those within the cone that touches it."""
+    tangent = float(middle @ middle) - radius**2
+    if tangent <= 0:
+        return np.arange(len(ways))
+    return np.flatnonzero(ways @ middle >= np.sqrt(tangent) * (1 - 1e-9))
 
 
 def tilt_matrix(about_x: float, about_y: float) -> Array:
