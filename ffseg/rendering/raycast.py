@@ -202,13 +202,13 @@ class _Caster:
         index, box = item
         origin = np.append(_turned(eye[:2] - box.center, box.angle), eye[2] - box.height / 2)
         half = np.append(box.half, box.height / 2)
-        near_it = _toward(ways, np.append(box.center, box.height / 2) - eye, float(np.linalg.norm(half)))
-        ways = ways[near_it]
+        aimed = _toward(ways, np.append(box.center, box.height / 2) - eye, float(np.linalg.norm(half)))
+        ways = ways[aimed]
         along = np.column_stack([_turned(ways[:, :2], box.angle), ways[:, 2]])
         enter = (-np.sign(along) * half - origin) / along
         leave = (np.sign(along) * half - origin) / along
         near = np.maximum(np.maximum(*enter.T[:2]), enter.T[2])
-        met = (near > 0) & (near <= np.minimum(np.minimum(*leave.T[:2]), leave.T[2])) & (near < reach[near_it])
+        met = (near > 0) & (near <= np.minimum(np.minimum(*leave.T[:2]), leave.T[2])) & (near < reach[aimed])
         axis = np.argmax(enter[met], axis=1)
         point = origin + along[met] * near[met, None]
         face = np.where(axis == 2, 0, 1 + 2 * axis + (along[met, axis] > 0))
@@ -222,7 +222,7 @@ class _Caster:
             square = np.floor(surface / box.squares[0]).sum(axis=1) % 2 == 0
             grey[square] = box.squares[1]
         grey += self._faces(surface + 3.0 * (index + face)[:, None], near[met] * RADIANS_PER_PIXEL)
-        rays = near_it[met]
+        rays = aimed[met]
         hits.label[rays] = FIRST_BOX + index
         hits.part[rays] = ((FIRST_BOX + index) * 8 + face) * 4 + 2 * square + sticker
         hits.grey[rays] = grey

@@ -24,6 +24,7 @@ from ffseg.learning.drawn.rays import World, shaded
 from ffseg.learning.drawn.rooms import room
 from ffseg.learning.drawn.sights import clear_of, seen_from_the_middle
 from ffseg.learning.drawn.streets import street
+from ffseg.metrics import INSIDE, iou
 from tests.campaigns import harness
 
 KINDS = ("street", "room", "mirror")
@@ -52,8 +53,8 @@ class Case:
 
 
 @dataclass(frozen=True, slots=True)
-class Sight:
-    """What a camera at one place sees of the scene, (H, W, 3) light, and what is left to chance there."""
+class Place:
+    """A camera at one place, the light that reaches it from the scene, (H, W, 3), and what is left to chance there."""
 
     camera: Viewpoint
     light: Array
@@ -68,16 +69,16 @@ def frames(case: Case) -> Iterator[tuple[list[Array], Array]]:
     if case.kind != "street":
         scene = seen_from_the_middle(scene, rng)
     exposure = float(rng.uniform(0.1, 0.45))
-    seen = [Sight(at, _light(scene, at, case), jolt) for at, jolt in _way(camera, case)]
+    seen = [Place(at, _light(scene, at, case), jolt) for at, jolt in _way(camera, case)]
     yield _exposed(seen, exposure, case, sees_itself=True)
     yield _exposed(seen, exposure, case, sees_itself=False)
 
 
-def _exposed(seen: list[Sight], exposure: float, case: Case, *, sees_itself: bool) -> tuple[list[Array], Array]:
+def _exposed(seen: list[Place], exposure: float, case: Case, *, sees_itself: bool) -> tuple[list[Array], Array]:
     found, own, level = list[Array](), np.zeros(0, np.bool_), 0.0
-    for sight in seen:
-        light, jolt = sight.light.copy(), deepcopy(sight.jolt)
-        own = _own(light, sight.camera, case) if sees_itself else np.zeros(light.shape[:2], np.bool_)
+    for place in seen:
+        light, jolt = place.light.copy(), deepcopy(place.jolt)
+        own = _own(light, place.camera, case) if sees_itself else np.zeros(light.shape[:2], np.bool_)
         level = level or float(np.median(light)) + 1e-3
         light *= exposure * jolt.uniform(0.75, 1.3) / level
         found.append(developed(light, np.random.default_rng([case.seed, 1]), noise=jolt))
@@ -136,8 +137,7 @@ def _outcome(case: Case, images: list[Array], own: Array) -> Outcome:
         found = own_image(images)
     except SegmentationError:
         return Outcome(case, 0.0, 0.0, refused=True)
-    either = np.count_nonzero(found | own)
-    return Outcome(case, np.count_nonzero(found & own) / either if either else 1.0, float((found & ~own).mean()), False)
+    return Outcome(case, iou(found, own * np.uint8(INSIDE)), float((found & ~own).mean()), False)
 
 
 def main(cases: int = 12, first: int = 0) -> int:
