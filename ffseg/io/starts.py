@@ -54,6 +54,8 @@ class Start:
         decides: ``edges.source`` is ``prior`` where it is ``auto`` and there is no box.
     found : bool
         The start that a model finds comes before the circles, which correct it; else they take its place.
+    held : bool
+        It was said of an earlier frame of a film, and the region found there tells where to start now.
     """
 
     x: float | None = None
@@ -65,6 +67,7 @@ class Start:
     probability: float | None = None
     clearance: float | None = None
     found: bool = False
+    held: bool = False
 
     @property
     def circles(self) -> tuple[Start, ...]:
@@ -100,11 +103,18 @@ class Start:
                 edges = replace(edges, source="prior")
         return replace(params, init=init, contour=contour, region=region, edges=edges)
 
+    def next_frame(self) -> Start:
+        """What holds in the next frame of a film as well: a circle for each circle and box, and no place outside."""
+        middles = [Start((left + right) / 2, (top + bottom) / 2) for left, top, right, bottom in self.boxes]
+        first, *others = (*self.circles, *middles) or (Start(),)
+        known = replace(first, probability=self.probability, clearance=self.clearance, found=self.found)
+        return replace(known, others=tuple(others), held=True)
+
     def text(self) -> str:
         """All that it says: equal texts, equal starts."""
         circles = ";".join(f"{one.x!r},{one.y!r},{one.radius!r}" for one in self.circles)
         more = (self.background, self.boxes, self.probability, self.clearance)
-        circles += ";model" if self.found else ""
+        circles += ";model" * self.found + ";held" * self.held
         return circles if more == ((), (), None, None) else f"{circles};{more!r}"
 
     def rows(self, image: str) -> list[list[str | float | None]]:

@@ -30,6 +30,7 @@ from ffseg.io.files import (
     write_all_atomic,
     write_bytes_atomic,
 )
+from ffseg.io.films import is_film
 from ffseg.io.masks import decode_mask, encode_mask
 from ffseg.io.starts import Start, starts_table
 from ffseg.parameter_text import as_settings, non_defaults, yaml_lines
@@ -246,10 +247,12 @@ class Project:
             return True
 
     def arguments(self) -> list[str]:
-        """Arguments of the ``ffseg run`` that does all images, wherever it is called."""
+        """Arguments of the ``ffseg run`` that does all images, wherever it is called; of a film, what was picked is followed."""
         out, settings, table = (os.path.abspath(self.path(name)) for name in (RUN, SETTINGS, STARTS))
         starts = ["--starts", table] if self._starts() else []
-        return ["run", *self.inputs, "--out", out, "--config", settings, *starts, "--overwrite"]
+        films = all(is_film(one.name) for one in self.sources)
+        steady = ["--steady"] if films and starts and self.params.edges.model is None else []
+        return ["run", *self.inputs, "--out", out, "--config", settings, *starts, *steady, "--overwrite"]
 
     def learning(self, out: str) -> list[str]:
         """Arguments of the ``ffseg learn`` from the masks there are: images are read as the run reads them."""

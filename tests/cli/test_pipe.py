@@ -161,9 +161,13 @@ def test_steady_frames_of_a_pipe_are_those_of_a_film(tmp_path: Path) -> None:
     noisy = pictures(5, noise=35)
     for number, pixels in enumerate(noisy):
         Image.fromarray(pixels).save(tmp_path / f"f_{number:06d}.png")
+    starts = tmp_path / "starts.csv"
+    starts.write_text("image,x,y,radius\nf_000000.png,36,30,5\nf_000000.png,46,30,5\n")  # what follows holds them
     run = [sys.executable, "-m", "ffseg", "run", str(tmp_path), "--out", str(tmp_path / "out"), "--steady", "-q"]
-    assert subprocess.run(run, check=False).returncode == 0
-    steady, plain = (masks(through(raw(noisy), *BGR, *more).stdout) for more in (["--steady"], []))
+    assert subprocess.run([*run, "--starts", str(starts)], check=False).returncode == 0
+    steady, plain = (
+        masks(through(raw(noisy), *BGR, *more).stdout) for more in (["--steady", "--starts", str(starts)], [])
+    )
     for number, mask in enumerate(steady):
         assert (np.asarray(Image.open(tmp_path / "out" / "masks" / f"f_{number:06d}.png")) == mask).all()
     assert (steady != plain).any()

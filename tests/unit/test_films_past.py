@@ -10,7 +10,7 @@ from drawn_films import pictures, write_film
 
 from ffseg.image.flow import BOUNDARY_BAND, start_in, steadied_region, warped_region
 from tests.discs import disc_of, overlap
-from tests.masks import write_image
+from tests.masks import read_mask, write_image
 
 disc = disc_of((120, 160))
 GROUND = np.random.default_rng(2).integers(60, 90, (120, 160), dtype=np.uint8)
@@ -86,6 +86,53 @@ def test_steady_films_resume_to_the_same_bytes_and_flicker_less(film: Path, tmp_
     assert snapshot(tmp_path / "plain") == snapshot(measured)  # to measure changes nothing
     ran(film, out, "--steady", "--exclude", "*_00000[4-9].mp4")  # as far as a run came that was stopped
     assert (ran(film, out, "--steady").returncode, snapshot(out)) == (0, snapshot(straight))
+
+
+@pytest.fixture(scope="module")
+def meeting(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[np.ndarray]]:
+    """Frames of two discs that meet and part, and their truths."""
+    folder, rng, truths = tmp_path_factory.mktemp("meeting"), np.random.default_rng(3), []
+    for number in range(14):
+        pixels = np.full((120, 160, 3), 60.0)
+        one, other = disc(35 + 6 * number, 50, 18), disc(125 - 6 * number, 66, 16)
+        pixels[one], pixels[other] = (60, 120, 200), (120, 200, 60)
+        write_image(
+            folder / f"f_{number:06d}.png", (pixels + rng.normal(0, 4, pixels.shape)).clip(0, 255).astype(np.uint8)
+        )
+        truths.append(one | other)
+    return folder, truths
+
+
+@pytest.mark.parametrize(
+    "rows",
+    ["start,35,50,6,,,\nf_000000.png,start,125,66,6,,,", "box,16,31,,54,69,\nf_000000.png,box,108,49,,142,83,"],
+)
+def test_what_was_picked_in_one_frame_is_followed(
+    rows: str, meeting: tuple[Path, list[np.ndarray]], tmp_path: Path, ran: Command
+) -> None:
+    """Several starts stayed where they were while things moved on, and a start was wanted in every frame."""
+    folder, truths = meeting
+    (tmp_path / "starts.csv").write_text(f"image,kind,x,y,radius,right,bottom,value\nf_000000.png,{rows}\n")
+    done = ran(folder, tmp_path / "out", "--steady", "--starts", tmp_path / "starts.csv")
+    assert (done.returncode, "without a row" in done.stderr) == (0, False)
+    masks = [read_mask(tmp_path / "out" / "masks" / f"f_{number:06d}.png") for number in range(len(truths))]
+    assert min(map(overlap, masks, truths)) > 0.85  # an outline half-way to that of the frame before lags by up to 3 px
+    assert not any(row["start_x"] for row in table(tmp_path / "out" / "timings.csv")[1:])
+
+
+def test_a_frame_with_rows_of_its_own_starts_there(
+    meeting: tuple[Path, list[np.ndarray]], tmp_path: Path, ran: Command
+) -> None:
+    (tmp_path / "starts.csv").write_text("image,x,y,radius\nf_000000.png,35,50,6\nf_000002.png,113,66,6\n")
+    ran(meeting[0], tmp_path / "out", "--steady", "--starts", tmp_path / "starts.csv", "--exclude", "*_00000[4-9]*")
+    found = [read_mask(tmp_path / "out" / "masks" / f"f_{number:06d}.png") for number in range(4)]
+    assert [overlap(mask, disc(35 + 6 * k, 50, 18)) > 0.8 for k, mask in enumerate(found)] == [True, True, False, False]
+    assert [overlap(mask, disc(125 - 6 * k, 66, 16)) > 0.8 for k, mask in enumerate(found)] == [
+        False,
+        False,
+        True,
+        True,
+    ]
 
 
 def test_a_frame_is_done_again_when_the_mask_before_it_is_another(film: Path, tmp_path: Path, ran: Command) -> None:

@@ -19,6 +19,7 @@ import numpy as np
 import pick_page
 import pytest
 from commands import Command
+from drawn_films import pictures, write_film
 from hypothesis import given
 from hypothesis import strategies as st
 from pick_page import LEFT, OPEN, RIGHT, SIZE, ask, disc, draw, mask_of, picked, served, session
@@ -627,6 +628,16 @@ def test_images_that_were_replaced_after_they_were_accepted_are_named(tmp_path: 
         os.utime(folder / name, ns=(0, 0))
     with session(folder, out) as own:
         assert own.changed() == ["a.png", "b.png"]
+
+
+def test_what_was_picked_in_a_film_is_followed(tmp_path: Path, ffseg_command: Command, started: Started) -> None:
+    film = write_film(tmp_path / "film.mp4", pictures(4))
+    with session(film, tmp_path / "out") as own:
+        assert "--steady" not in own.projects[0].arguments(), "there is nothing to follow"
+        own.change(0, 0, 0, "pick", picked((38, 30)))
+        arguments = own.projects[0].arguments()
+        assert ("--steady" in arguments, started) == (True, [])
+    assert "without a row" not in ffseg_command(*arguments, code=0).stderr
 
 
 def test_what_was_learned_is_used_where_it_helps_and_orders_the_images(tmp_path: Path, started: Started) -> None:

@@ -128,15 +128,18 @@ def with_earlier(plan: Plan, chain: Callable[[str], Iterable[str]]) -> Plan:
     return replace(plan, jobs=jobs)
 
 
-def with_past(plan: Plan) -> Plan:
-    """The plan with each frame's predecessor in its film, or each image's in its folder."""
+def with_past(plan: Plan, *, held: bool) -> Plan:
+    """The plan with each frame's predecessor in its film, or each image's in its folder; `held` starts go on to the next."""
     last: dict[tuple[str, str], Job] = {}
     jobs = []
     for job in plan.jobs:
         film = film_of(job.source.name), os.path.dirname(job.source.path)
-        before, last[film] = last.get(film), job
+        before = last.get(film)
         if before is not None:
             job = replace(job, earlier=(before.source.content,), past=plan.outputs(before)[0])  # noqa: PLW2901 - the same
+            if held and job.start is None and before.start is not None:
+                job = replace(job, start=before.start.next_frame())  # noqa: PLW2901 - the same
+        last[film] = job
         jobs.append(job)
     return replace(plan, jobs=tuple(jobs))
 

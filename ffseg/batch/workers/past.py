@@ -12,12 +12,15 @@ from ffseg.batch.workers.freshness import JobFiles
 from ffseg.batch.workers.messages import Done, Failed, Reply, Task
 from ffseg.errors import ImageReadError
 from ffseg.image.flow import start_in, steadied_region, warped_region
+from ffseg.image.parts import connected_parts
 from ffseg.io.files import read_bytes
 from ffseg.io.images import Limits, decode_image
 from ffseg.io.masks import decode_mask
-from ffseg.parameters import Parameters
+from ffseg.parameters import Circle, Parameters
 from ffseg.pipeline import outlines_of
 from ffseg.result import Segmentation
+from ffseg.starts.pockets import START_RADIUS_FRACTION, discs
+from ffseg.starts.rivals import add_disc
 
 
 @dataclass(slots=True, eq=False)
@@ -48,13 +51,17 @@ class PastFrame:
         self._region = warped_region(last[0], image, last[1]) if last is not None and fits else None
 
     def start(self, params: Parameters, shape: tuple[int, ...]) -> Parameters:
-        """The parameters with the start moved into the carried region, where there is but one and it is not this frame's own."""
+        """The parameters with the start moved into the carried region or, if there are several, as many in its parts."""
         init = params.init
-        if self._region is None or not self.steady or init.circles or init.boxes or init.mask:
+        if self._region is None or not self.steady or init.boxes or init.mask:
             return params
-        x, y = init.center if init.center != "auto" else ((shape[1] - 1) / 2, (shape[0] - 1) / 2)
-        circle = start_in(self._region, (x, y, init.radius_in(shape)))
-        return replace(params, init=replace(init, circles=(circle,)))
+        if len(init.circles) > 1:
+            circles = _starts_in(self._region, len(init.circles)) or init.circles
+        else:
+            x, y = init.center if init.center != "auto" else ((shape[1] - 1) / 2, (shape[0] - 1) / 2)
+            one, *_ = init.circles or ((x, y, init.radius_in(shape)),)
+            circles = (start_in(self._region, one),)
+        return replace(params, init=replace(init, circles=circles))
 
     def result(self, found: Segmentation) -> tuple[Segmentation, dict[str, float | int]]:
         """The result, steadied where that is asked for, and the cells of its row."""
@@ -86,3 +93,18 @@ class PastFrame:
             return read_bytes(f"{task.out}/{past}", self.limits.max_bytes)
         except ImageReadError:
             return b""
+
+
+def _starts_in(region: Mask, count: int) -> tuple[Circle, ...]:
+    """So many starts at the deepest places of a region, and at least one in each part: what has met may part again."""
+    found, left = list[Circle](), region.copy()
+    while left.any() and (not found or len(found) < count):
+        parts = connected_parts(left)
+        more = [one for one in discs(region, parts, np.flatnonzero(parts.areas), np.inf) if one[2] >= 1]
+        if not more:
+            break
+        found += more[: count - len(found)] if found else more
+        for x, y, radius in more:
+            add_disc(taken := np.zeros_like(left), x, y, radius / START_RADIUS_FRACTION)
+            left &= ~taken
+    return tuple(found)

@@ -157,7 +157,8 @@ class Workbench:
 
     def _params(self, job: Job, shape: tuple[int, ...]) -> Parameters:
         params = self._setup.params if job.start is None else job.start.placed(self._setup.params, shape)
-        return params if self._past is None else self._past.start(params, shape)
+        own = job.start is not None and not job.start.held
+        return params if self._past is None or own else self._past.start(params, shape)
 
     def _iou(self, mask: Mask, job: Job, read: JobFiles) -> tuple[float | None, str]:
         """Overlap with the true mask, if there is one, and what is wrong with it."""
@@ -191,7 +192,7 @@ def _encoded(found: _JobResult, out: str, outputs: Sequence[tuple[str, Output]])
 
 def _start_cells(params: Parameters, job: Job) -> dict[str, Any]:
     """The image's own start circle, as it was asked for."""
-    if job.start is None:
+    if job.start is None or job.start.held:
         return {}
     radius = None if params.init.radius == "auto" else params.init.radius
     return {"start_x": job.start.x, "start_y": job.start.y, "start_radius": radius}

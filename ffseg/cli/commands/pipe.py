@@ -120,6 +120,7 @@ class _Film:
     starts: Mapping[int, Start]
     past: PastFrame | None = None
     number: int = 0
+    held: Start | None = None
     last: tuple[Image, Mask] | None = None
 
     def found(self, image: Image) -> tuple[Mask, tuple[FreeForm, ...], str]:
@@ -128,14 +129,17 @@ class _Film:
 
         from ffseg.api import segment
 
-        start, self.number = self.starts.get(self.number), self.number + 1
+        own, self.number = self.starts.get(self.number), self.number + 1
+        start = own if own is not None or self.past is None else self.held
         params = self.params if start is None else start.placed(self.params, image.shape)
+        self.held = None if start is None else start.next_frame()
         try:
             if self.past is None:
                 result = segment(image, params)
             else:
                 self.past.carry(self.last, image)
-                result, _ = self.past.result(segment(image, self.past.start(params, image.shape)))
+                params = params if own is not None else self.past.start(params, image.shape)
+                result, _ = self.past.result(segment(image, params))
         except SegmentationError as error:
             self.last = None
             return np.zeros(image.shape[:2], np.bool_), (), str(error)

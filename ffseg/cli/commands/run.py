@@ -150,7 +150,7 @@ def run(  # noqa: PLR0913 - the options of the command
     ] = "",
     topic: Annotated[str, typer.Option(metavar="NAME", help="Topic of the images in --bag.")] = "",
     steady: Annotated[
-        bool, typer.Option("--steady", help="Film frames in order: start and outline follow the frame before.")
+        bool, typer.Option("--steady", help="Film frames in order: starts and outline follow the frame before.")
     ] = False,
     flicker: Annotated[
         bool, typer.Option("--flicker", help="Film frames in order: measure what changes beside motion.")
@@ -223,7 +223,7 @@ def run(  # noqa: PLR0913 - the options of the command
         setup = Setup(params=params, views=views, products=products, files=checks.plugin_files(params))
         setup = replace(setup, truth_label=truth_label, redirects=redirects, max_pixels=max_pixels)
         setup = replace(setup, memory_bytes=memory * _MEGABYTE, past="steady" if steady else "flicker" * flicker)
-        plan = _ordered(plan, setup, shard)
+        plan = _ordered(plan, setup, shard, told="" if quiet else os.fspath(starts or ""))
         how = Options(workers, timeout, overwrite, report, read_tables(table), who, dask, chunk or 500)
         if dry_run:
             raise typer.Exit(_preview(plan, setup, how, as_json=as_json))
@@ -307,14 +307,12 @@ def _inputs(inputs: Sequence[str], listing: str, bag: tuple[str, str], *, nul: b
 def _with_files(plan: Plan, params: Parameters, starts: str, evidence: str, *, quiet: bool) -> Plan:
     """The plan with the starts, domains and maps of evidence that belong to its images."""
     from ffseg.batch.plan.jobs import with_domains, with_evidence, with_starts
-    from ffseg.cli.reporting import show_skipped, show_without_start
+    from ffseg.cli.reporting import show_skipped
     from ffseg.io.starts import finds_starts
 
     show_skipped(plan, quiet=quiet)
     if starts:
         plan = with_starts(plan, starts, partial=finds_starts(params))
-        if not quiet:
-            show_without_start(plan, starts)
     plan = with_domains(plan, params.domain.masks) if params.domain.masks else plan
     return with_evidence(plan, evidence) if evidence else plan
 
@@ -330,13 +328,19 @@ def _views(plan: Plan, camera: Path, poses: Path | None, pairs: Path | None, foo
     return with_bag(views, bag, str(poses), stamps) if stamps else views
 
 
-def _ordered(plan: Plan, setup: Setup, shard: str) -> Plan:
-    """The plan with the images before each image, where it is asked for; of a shard only its part."""
+def _ordered(plan: Plan, setup: Setup, shard: str, told: str) -> Plan:
+    """The plan with the images before each image, where it is asked for; of a shard only its part.
+
+    Said of the starts file that is to be told of, if any: how many images it does not name and none before them does.
+    """
     from ffseg.batch.plan.jobs import with_earlier, with_past
     from ffseg.batch.shards.assign import read_shard, shard_plan
+    from ffseg.cli.reporting import show_without_start
 
     plan = with_earlier(plan, setup.views.chain) if setup.views else plan
-    plan = with_past(plan) if setup.past else plan
+    plan = with_past(plan, held=setup.past == "steady") if setup.past else plan
+    if told:
+        show_without_start(plan, told)
     return shard_plan(plan, read_shard(shard)) if shard else plan
 
 
