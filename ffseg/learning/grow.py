@@ -64,7 +64,7 @@ BOXES = {"thing": 4, "animal": 4, "tissue": 2, "field": 2, "organ": 2, "nuclei":
 """Boxes that are drawn round one object, for each kind of pictures that shows objects and no ground: most round what looks
 most unlike itself."""
 
-MAX_BOX_FRACTION, LOOSENESS = 0.8, (-0.02, 0.1)
+MAX_BOX_FRACTION, LOOSENESS = 0.8, (-0.02, 0.2)
 """Part of a picture up to which a box is learned from, and by how much a loose box is larger on each side than the one round
 the truth, in parts of the mean of its sides."""
 
