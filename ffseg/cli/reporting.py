@@ -20,6 +20,7 @@ from ffseg.batch.record.ledger import Summary
 from ffseg.batch.runner import Run
 from ffseg.cli import console
 from ffseg.io.files import printable
+from ffseg.io.films import is_film
 from ffseg.io.starts import Start
 from ffseg.io.tables import counted
 
@@ -119,8 +120,10 @@ def show_without_start(plan: Plan, starts: str) -> None:
     names = [printable(job.source.display_path) for job in plan.jobs if job.start is None and not job.source.problem]
     if names:
         where = f"{counted(len(names), 'image')} of {len(plan.jobs)} without a row in {printable(starts)}"
+        film = any(is_film(job.source.name) and not job.past for job in plan.jobs[1:])
         console.message(
             f"ffseg: {where} start as init or the model says: {', '.join(names[:3])}{', ...' * (len(names) > 3)}"
+            + "; with --steady they follow the frame before" * film
         )
 
 
@@ -159,6 +162,7 @@ def _plan_line(one: Preview) -> str:
     job = one.job
     circles = job.start.circles if job.start else ()
     where = " (start at " + "; ".join(map(_circle_told, circles)) + ")" if circles else ""
+    where = " (follows the frame before)" if job.start and job.start.held else where
     words = {"failed": f"failed: {one.error}", "unchanged": "unchanged"}
     what = words.get(one.status) or ", ".join(map(printable, one.missing)) or "the IoU"
     return f"{printable(job.source.display_path)}{where} -> {what}"

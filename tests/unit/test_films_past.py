@@ -124,7 +124,10 @@ def test_a_frame_with_rows_of_its_own_starts_there(
     meeting: tuple[Path, list[np.ndarray]], tmp_path: Path, ran: Command
 ) -> None:
     (tmp_path / "starts.csv").write_text("image,x,y,radius\nf_000000.png,35,50,6\nf_000002.png,113,66,6\n")
-    ran(meeting[0], tmp_path / "out", "--steady", "--starts", tmp_path / "starts.csv", "--exclude", "*_00000[4-9]*")
+    run = meeting[0], tmp_path / "out", "--steady", "--starts", tmp_path / "starts.csv", "--exclude", "*_00000[4-9]*"
+    planned = ran(*run, "--dry-run").stdout.splitlines()
+    assert ["(follows the frame before)" in line for line in planned[:4]] == [False, True, False, True]
+    ran(*run)
     found = [read_mask(tmp_path / "out" / "masks" / f"f_{number:06d}.png") for number in range(4)]
     assert [overlap(mask, disc(35 + 6 * k, 50, 18)) > 0.8 for k, mask in enumerate(found)] == [True, True, False, False]
     assert [overlap(mask, disc(125 - 6 * k, 66, 16)) > 0.8 for k, mask in enumerate(found)] == [

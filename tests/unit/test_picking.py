@@ -638,6 +638,8 @@ def test_what_was_picked_in_a_film_is_followed(tmp_path: Path, ffseg_command: Co
         arguments = own.projects[0].arguments()
         assert ("--steady" in arguments, started) == (True, [])
     assert "without a row" not in ffseg_command(*arguments, code=0).stderr
+    arguments.remove("--steady")
+    assert "; with --steady they follow the frame before" in ffseg_command(*arguments, code=0).stderr
 
 
 def test_what_was_learned_is_used_where_it_helps_and_orders_the_images(tmp_path: Path, started: Started) -> None:

@@ -104,7 +104,8 @@ def _starts_in(region: Mask, count: int) -> tuple[Circle, ...]:
         if not more:
             break
         found += more[: count - len(found)] if found else more
+        taken = np.zeros_like(left)
         for x, y, radius in more:
-            add_disc(taken := np.zeros_like(left), x, y, radius / START_RADIUS_FRACTION)
-            left &= ~taken
+            add_disc(taken, x, y, radius / START_RADIUS_FRACTION)
+        left &= ~taken
     return tuple(found)
