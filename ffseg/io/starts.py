@@ -104,11 +104,9 @@ class Start:
         return replace(params, init=init, contour=contour, region=region, edges=edges)
 
     def next_frame(self) -> Start:
-        """What holds in the next frame of a film as well: a circle for each circle and box, and no place outside."""
-        middles = [Start((left + right) / 2, (top + bottom) / 2) for left, top, right, bottom in self.boxes]
-        first, *others = (*self.circles, *middles) or (Start(),)
-        known = replace(first, probability=self.probability, clearance=self.clearance, found=self.found)
-        return replace(known, others=tuple(others), held=True)
+        """What holds in the next frame of a film as well: no place outside, and no circle that corrects what a box holds."""
+        known = replace(self, x=None, y=None, radius=None, others=()) if self.boxes else self
+        return replace(known, background=(), held=True)
 
     def text(self) -> str:
         """All that it says: equal texts, equal starts."""

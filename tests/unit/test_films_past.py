@@ -8,7 +8,11 @@ from batches import snapshot, table
 from commands import Command
 from drawn_films import pictures, write_film
 
+from ffseg.batch.workers.past import PastFrame
 from ffseg.image.flow import BOUNDARY_BAND, start_in, steadied_region, warped_region
+from ffseg.io.images import Limits
+from ffseg.io.starts import Start
+from ffseg.parameters import load_params
 from tests.discs import disc_of, overlap
 from tests.masks import read_mask, write_image
 
@@ -59,6 +63,23 @@ def test_a_start_moves_no_further_than_it_must() -> None:
     assert 78 <= x <= 82
     assert start_in(np.zeros_like(region), (5.0, 5.0, 8.0)) == (5.0, 5.0, 8.0)
     assert start_in(disc(60, 60, 6), (60.0, 60.0, 50.0))[2] < 6
+
+
+def test_a_box_goes_along_with_what_is_in_it() -> None:
+    """Specks have none; a box that the parameters give to every frame stays."""
+    past, image = (
+        PastFrame(steady=True, limits=Limits()),
+        np.random.default_rng(1).integers(0, 255, (120, 160), np.uint8),
+    )
+    before = disc(70, 60, 30) | disc(130, 20, 1)
+    past.carry((image, before), image)
+    params = (
+        Start(x=1, y=1, boxes=((0, 0, 20, 20),), background=((5, 5),)).next_frame().placed(load_params(), before.shape)
+    )
+    assert (params.init.circles, params.init.background) == ((), ())
+    (box,) = past.start(params, before.shape, held=True).init.boxes
+    assert np.allclose(box, (40 - 3, 30 - 3, 100 + 3, 90 + 3), atol=1)
+    assert past.start(params, before.shape, held=False) == params
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 
 from ffseg.arrays import Image, Mask
@@ -16,11 +17,15 @@ from ffseg.image.parts import connected_parts
 from ffseg.io.files import read_bytes
 from ffseg.io.images import Limits, decode_image
 from ffseg.io.masks import decode_mask
-from ffseg.parameters import Circle, Parameters
+from ffseg.parameters import Box, Circle, Parameters
 from ffseg.pipeline import outlines_of
 from ffseg.result import Segmentation
 from ffseg.starts.pockets import START_RADIUS_FRACTION, discs
 from ffseg.starts.rivals import add_disc
+
+BOX_ROOM = 0.05
+"""By how much a box lies further out than the region that was carried, in parts of the mean of its sides: 18 films of drawings
+that pan and zoom, 12 frames each, have an IoU of .73 with it, .71 with 0.1 and .61 with 0.15."""
 
 
 @dataclass(slots=True, eq=False)
@@ -50,10 +55,17 @@ class PastFrame:
         fits = last is not None and last[0].shape == image.shape
         self._region = warped_region(last[0], image, last[1]) if last is not None and fits else None
 
-    def start(self, params: Parameters, shape: tuple[int, ...]) -> Parameters:
-        """The parameters with the start moved into the carried region or, if there are several, as many in its parts."""
+    def start(self, params: Parameters, shape: tuple[int, ...], *, held: bool) -> Parameters:
+        """The parameters with the start moved into the carried region or, if there are several, as many in its parts.
+
+        Boxes that were held from an earlier frame become those round its parts.
+        """
         init = params.init
-        if self._region is None or not self.steady or init.boxes or init.mask:
+        if self._region is None or not self.steady:
+            return params
+        if held and init.boxes:
+            return replace(params, init=replace(init, boxes=_boxes_round(self._region) or init.boxes))
+        if init.boxes or init.mask:
             return params
         if len(init.circles) > 1:
             circles = _starts_in(self._region, len(init.circles)) or init.circles
@@ -95,12 +107,21 @@ class PastFrame:
             return b""
 
 
+def _boxes_round(region: Mask) -> tuple[Box, ...]:
+    """A box round each part of a region, with room for what has moved; none round specks."""
+    labels, found = connected_parts(region).labels, []
+    for x, y, _ in _discs_in(region, region):
+        left, top, width, height = cv2.boundingRect((labels == labels[int(y), int(x)]).view(np.uint8))
+        room = max(BOX_ROOM * (width + height) / 2, 2.0)
+        found.append((left - room, top - room, left + width - 1 + room, top + height - 1 + room))
+    return tuple(found)
+
+
 def _starts_in(region: Mask, count: int) -> tuple[Circle, ...]:
     """So many starts at the deepest places of a region, and at least one in each part: what has met may part again."""
     found, left = list[Circle](), region.copy()
     while left.any() and (not found or len(found) < count):
-        parts = connected_parts(left)
-        more = [one for one in discs(region, parts, np.flatnonzero(parts.areas), np.inf) if one[2] >= 1]
+        more = _discs_in(left, region)
         if not more:
             break
         found += more[: count - len(found)] if found else more
@@ -109,3 +130,9 @@ def _starts_in(region: Mask, count: int) -> tuple[Circle, ...]:
             add_disc(taken, x, y, radius / START_RADIUS_FRACTION)
         left &= ~taken
     return tuple(found)
+
+
+def _discs_in(places: Mask, region: Mask) -> list[Circle]:
+    """A disc in each part of these places, where the region is deepest, if there is room for one."""
+    parts = connected_parts(places)
+    return [one for one in discs(region, parts, np.flatnonzero(parts.areas), np.inf) if one[2] >= 1]

@@ -138,7 +138,7 @@ class _Film:
                 result = segment(image, params)
             else:
                 self.past.carry(self.last, image)
-                params = params if own is not None else self.past.start(params, image.shape)
+                params = params if own is not None else self.past.start(params, image.shape, held=start is not None)
                 result, _ = self.past.result(segment(image, params))
         except SegmentationError as error:
             self.last = None
