@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 
 from ffseg.arrays import Image, Mask
@@ -111,9 +110,10 @@ def _boxes_round(region: Mask) -> tuple[Box, ...]:
     """A box round each part of a region, with room for what has moved; none round specks."""
     labels, found = connected_parts(region).labels, []
     for x, y, _ in _discs_in(region, region):
-        left, top, width, height = cv2.boundingRect((labels == labels[int(y), int(x)]).view(np.uint8))
-        room = max(BOX_ROOM * (width + height) / 2, 2.0)
-        found.append((left - room, top - room, left + width - 1 + room, top + height - 1 + room))
+        rows, columns = np.nonzero(labels == labels[int(y), int(x)])
+        left, top, right, bottom = (float(at) for at in (columns.min(), rows.min(), columns.max(), rows.max()))
+        room = max(BOX_ROOM * (right - left + bottom - top + 2) / 2, 2.0)
+        found.append((left - room, top - room, right + room, bottom + room))
     return tuple(found)
 
 
