@@ -73,13 +73,12 @@ def test_a_box_goes_along_with_what_is_in_it() -> None:
     )
     before = disc(70, 60, 30) | disc(130, 20, 1)
     past.carry((image, before), image)
-    params = (
-        Start(x=1, y=1, boxes=((0, 0, 20, 20),), background=((5, 5),)).next_frame().placed(load_params(), before.shape)
-    )
+    held = Start(x=1, y=1, boxes=((0, 0, 20, 20),), background=((5, 5),)).next_frame()
+    params = held.placed(load_params(), before.shape)
     assert (params.init.circles, params.init.background) == ((), ())
-    (box,) = past.start(params, before.shape, held=True).init.boxes
+    (box,) = past.start(params, before.shape, held).init.boxes
     assert np.allclose(box, (40 - 3, 30 - 3, 100 + 3, 90 + 3), atol=1)
-    assert past.start(params, before.shape, held=False) == params
+    assert past.start(params, before.shape, None) == params
 
 
 @pytest.fixture
@@ -131,7 +130,7 @@ def meeting(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[np.nda
 def test_what_was_picked_in_one_frame_is_followed(
     rows: str, meeting: tuple[Path, list[np.ndarray]], tmp_path: Path, ran: Command
 ) -> None:
-    """Several starts stayed where they were while things moved on, and a start was wanted in every frame."""
+    """Several starts stayed where they were while things moved on, and frames without rows started as the parameters say."""
     folder, truths = meeting
     (tmp_path / "starts.csv").write_text(f"image,kind,x,y,radius,right,bottom,value\nf_000000.png,{rows}\n")
     done = ran(folder, tmp_path / "out", "--steady", "--starts", tmp_path / "starts.csv")

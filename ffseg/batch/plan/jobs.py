@@ -136,9 +136,9 @@ def with_past(plan: Plan, *, held: bool) -> Plan:
         film = film_of(job.source.name), os.path.dirname(job.source.path)
         before = last.get(film)
         if before is not None:
-            job = replace(job, earlier=(before.source.content,), past=plan.outputs(before)[0])  # noqa: PLW2901 - the same
-            if held and job.start is None and before.start is not None:
-                job = replace(job, start=before.start.next_frame())  # noqa: PLW2901 - the same
+            start = before.start.next_frame() if held and before.start and not job.start else job.start
+            past = plan.outputs(before)[0]
+            job = replace(job, earlier=(before.source.content,), past=past, start=start)  # noqa: PLW2901 - the same
         last[film] = job
         jobs.append(job)
     return replace(plan, jobs=tuple(jobs))

@@ -16,6 +16,7 @@ from ffseg.image.parts import connected_parts
 from ffseg.io.files import read_bytes
 from ffseg.io.images import Limits, decode_image
 from ffseg.io.masks import decode_mask
+from ffseg.io.starts import Start
 from ffseg.parameters import Box, Circle, Parameters
 from ffseg.pipeline import outlines_of
 from ffseg.result import Segmentation
@@ -54,15 +55,15 @@ class PastFrame:
         fits = last is not None and last[0].shape == image.shape
         self._region = warped_region(last[0], image, last[1]) if last is not None and fits else None
 
-    def start(self, params: Parameters, shape: tuple[int, ...], *, held: bool) -> Parameters:
+    def start(self, params: Parameters, shape: tuple[int, ...], said: Start | None) -> Parameters:
         """The parameters with the start moved into the carried region or, if there are several, as many in its parts.
 
-        Boxes that were held from an earlier frame become those round its parts.
+        Boxes that a starts file said of an earlier frame become those round its parts; what it says of this one stays.
         """
         init = params.init
-        if self._region is None or not self.steady:
+        if self._region is None or not self.steady or (said and not said.held):
             return params
-        if held and init.boxes:
+        if said and init.boxes:
             return replace(params, init=replace(init, boxes=_boxes_round(self._region) or init.boxes))
         if init.boxes or init.mask:
             return params

@@ -157,9 +157,7 @@ class Workbench:
 
     def _params(self, job: Job, shape: tuple[int, ...]) -> Parameters:
         params = self._setup.params if job.start is None else job.start.placed(self._setup.params, shape)
-        held = job.start is not None and job.start.held
-        own = job.start is not None and not held
-        return params if self._past is None or own else self._past.start(params, shape, held=held)
+        return params if self._past is None else self._past.start(params, shape, job.start)
 
     def _iou(self, mask: Mask, job: Job, read: JobFiles) -> tuple[float | None, str]:
         """Overlap with the true mask, if there is one, and what is wrong with it."""

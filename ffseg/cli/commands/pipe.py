@@ -129,17 +129,15 @@ class _Film:
 
         from ffseg.api import segment
 
-        own, self.number = self.starts.get(self.number), self.number + 1
-        start = own if own is not None or self.past is None else self.held
+        start, self.number = self.starts.get(self.number, self.held), self.number + 1
         params = self.params if start is None else start.placed(self.params, image.shape)
-        self.held = None if start is None else start.next_frame()
+        self.held = start.next_frame() if start and self.past else None
         try:
             if self.past is None:
                 result = segment(image, params)
             else:
                 self.past.carry(self.last, image)
-                params = params if own is not None else self.past.start(params, image.shape, held=start is not None)
-                result, _ = self.past.result(segment(image, params))
+                result, _ = self.past.result(segment(image, self.past.start(params, image.shape, start)))
         except SegmentationError as error:
             self.last = None
             return np.zeros(image.shape[:2], np.bool_), (), str(error)
