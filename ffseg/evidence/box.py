@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.arrays import Image, Plane
+from ffseg.arrays import Image, Mask, Plane
 from ffseg.errors import SegmentationError
 from ffseg.evidence.clicks import with_clicks
 from ffseg.evidence.features import (
@@ -28,7 +28,7 @@ from ffseg.evidence.features import (
 )
 from ffseg.evidence.forest import shipped
 from ffseg.evidence.gradient import gradient
-from ffseg.evidence.maps import blurred, logarithm, odds_edges
+from ffseg.evidence.maps import blurred, logarithm, odds_edges, probability
 from ffseg.evidence.prior import MAX_LOG_ODDS, PIXEL_FEATURES, SMOOTHING, write_pixel_features
 from ffseg.evidence.surroundings import (
     COLOURS,
@@ -47,6 +47,7 @@ from ffseg.image.resized import resized
 from ffseg.native import _core
 from ffseg.parameters import Box
 from ffseg.scene import Scene
+from ffseg.starts.initial import box_domain
 
 MODEL = Path(__file__).with_name("box.ffmodel")
 
@@ -70,6 +71,10 @@ the same drawings; gains .01 on them."""
 
 CORE_RADIUS = 0.4
 """Semi-axes of the ellipse that is taken as the core of the object, as fractions of half the box's sides."""
+
+MODEL_WEIGHT, MODEL_SHARPNESS = 2.0, 8.0
+"""Weight of a model's log odds beside those of the box's forest, where it finds nothing round the box; and the power of one less
+the ratio of its mean probabilities round the box and in it, by which that falls."""
 
 BOX_FEATURES = (
     "box_x",
@@ -99,15 +104,56 @@ def box_edges(scene: Scene) -> EdgeMap:
     own = gradient(scene)
     if not scene.boxes:
         raise SegmentationError("edges.source: box needs a box; give one with --box, or set init.boxes")
-    odds = np.full(scene.shape, np.float32(-MAX_LOG_ODDS))
-    for box in scene.boxes:
-        window, inside = in_box(scene.image, box)
-        np.maximum(odds[window], inside, out=odds[window])
-    if scene.domain is not None:
-        odds[scene.domain == 0] = -MAX_LOG_ODDS
+    odds = box_odds(scene)
     if scene.clicked_outside or scene.params.init.circles:
         return with_clicks(scene, own, odds)
     return odds_edges(odds, scene.params.region.probability, own, "box")
+
+
+def box_odds(scene: Scene, said: Plane | None = None) -> Plane:
+    """Log odds of the objects in the boxes of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    said : ndarray of float32, shape (H, W), optional
+        Log odds by a model, which are added as far as they tell each box from what lies beside it (`trust_in`).
+
+    Returns
+    -------
+    ndarray of float32, shape (H, W)
+        Those of a pixel in several boxes are the largest; outside all boxes and the domain ``-MAX_LOG_ODDS``.
+    """
+    odds = np.full(scene.shape, np.float32(-MAX_LOG_ODDS))
+    beside = box_domain(scene.boxes, scene.shape) == 0
+    for box in scene.boxes:
+        window, inside = in_box(scene.image, box)
+        if said is not None:  # a box that is all there is tells nothing
+            own = inside if beside.any() else np.float32(0)
+            inside = own + np.float32(trust_in(said, window, beside)) * said[window]
+        np.maximum(odds[window], inside, out=odds[window])
+    if scene.domain is not None:
+        odds[scene.domain == 0] = -MAX_LOG_ODDS
+    return odds
+
+
+def trust_in(said: Plane, window: tuple[slice, slice], beside: Mask) -> float:
+    """Weight of a model's log odds in a box: less the more of what lies round it, and in no box, the model takes for inside.
+
+    Parameters
+    ----------
+    said : ndarray of float32, shape (H, W)
+        Log odds by the model.
+    window : tuple of slice
+        Rows and columns of the box.
+    beside : ndarray of bool, shape (H, W)
+        Pixels in no box.
+    """
+    near = surrounded(window, said.shape)
+    if not beside[near].any():
+        return MODEL_WEIGHT
+    round_it, in_it = float(probability(said[near])[beside[near]].mean()), float(probability(said[window]).mean())
+    return MODEL_WEIGHT * float(max(0.0, 1 - round_it / in_it) ** MODEL_SHARPNESS)
 
 
 def in_box(image: Image, box: Box) -> tuple[tuple[slice, slice], Plane]:
@@ -192,11 +238,7 @@ class BoxView:
 
 def box_view(image: Image, window: tuple[slice, slice]) -> BoxView | None:
     """A box, given as its rows and columns, and its surroundings; None where it leaves nothing outside."""
-    wide = max(2, round(SURROUND_WIDTH * sum(part.stop - part.start for part in window) / 2))
-    rows, columns = (
-        slice(max(part.start - wide, 0), min(part.stop + wide, size))
-        for part, size in zip(window, image.shape, strict=False)
-    )
+    rows, columns = surrounded(window, image.shape)
     part = image[rows, columns]
     gain = WORKING_SIZE / max(part.shape[:2])
     height, width = (max(MIN_SIDE, round(gain * side)) for side in part.shape[:2])
@@ -217,6 +259,15 @@ def box_view(image: Image, window: tuple[slice, slice]) -> BoxView | None:
         (inner[0], inner[1]),
         away,
     )
+
+
+def surrounded(window: tuple[slice, slice], shape: tuple[int, ...]) -> tuple[slice, slice]:
+    """A box with its surroundings, as rows and columns of an image of this shape (H, W, ...)."""
+    wide = max(2, round(SURROUND_WIDTH * sum(part.stop - part.start for part in window) / 2))
+    rows, columns = (
+        slice(max(part.start - wide, 0), min(part.stop + wide, size)) for part, size in zip(window, shape, strict=False)
+    )
+    return rows, columns
 
 
 def all_planes(view: BoxView) -> Plane:

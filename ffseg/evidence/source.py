@@ -17,7 +17,7 @@ from ffseg.evidence.clicks import with_clicks
 from ffseg.evidence.features import Features, features, reduced_mean, reduction
 from ffseg.evidence.forest import Compiled, Model, load_model
 from ffseg.evidence.gradient import gradient
-from ffseg.evidence.maps import LEVEL, at_level, certain_odds, evidence_edges, strength_edges
+from ffseg.evidence.maps import LEVEL, at_level, certain_odds, evidence_edges, probability, strength_edges
 from ffseg.evidence.prior import prior
 from ffseg.evidence.recent import Recent, digest_of
 from ffseg.image.checked import require_size
@@ -68,15 +68,24 @@ def model_edges(scene: Scene) -> EdgeMap:
         raise ParameterError("edges.source: model needs a model; set edges.model to a file")
     own = gradient(scene)
     if path.endswith(NETWORK_SUFFIX):
-        return _edges(scene, _network_map(scene, path), own, "model")
+        return _edges(scene, _in_boxes(scene, _network_map(scene, path)), own, "model")
 
     model, native = ready(path)
 
     def say(start: Mask) -> Plane:
         make = partial(model_odds, model, scene.image, start, native)
-        return _kept(path, (scene.image, start), None, make) if scene.has_hints else make()
+        return _in_boxes(scene, _kept(path, (scene.image, start), None, make) if scene.has_hints else make())
 
     return _edges(scene, say(_before_clicks(scene)), own, "model", lambda start: certain_odds(say(start)))
+
+
+def _in_boxes(scene: Scene, values: Plane) -> Plane:
+    """What a model says, joined where there are boxes with what is seen in these: probabilities of inside, shape (H, W)."""
+    if not scene.boxes or scene.params.edges.evidence == "edges":
+        return values
+    from ffseg.evidence.box import box_odds  # loads its forest's features
+
+    return probability(box_odds(scene, certain_odds(values)))
 
 
 def _kept(path: str, arrays: tuple[NDArray[Any], ...], number: float | None, make: Callable[[], Any]) -> Any:  # noqa: ANN401 - as made

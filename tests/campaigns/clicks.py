@@ -6,7 +6,7 @@ Said of each set: mean IoU after 1, 2, 3, 5 and 10 clicks, clicks to an IoU of .
 share of clicks that lose more than .02, and the IoU with the box of the truth and with a loose one (`LOOSE`). Drawn kinds
 are held out from all that was grown or chosen; of photographs every second one is opened, the others with ``--sealed``.
 With ``--learned N`` a model of N images of a set, as `ffseg pick` learns it, says first what lies inside in the others of
-the set, and the clicks correct that.
+the set, and the clicks correct that; boxes are looked at with it, too.
 """
 
 import csv
@@ -95,7 +95,9 @@ class Task:
         tight = np.array([x, y, x + width, y + height]) - 0.5
         more = np.random.default_rng(list(f"{self.folder} {self.name}".encode())).uniform(*LOOSE, 4)
         loose = tight + np.array([-1, -1, 1, 1]) * more * (width + height) / 2
-        tight_iou, loose_iou = (round(iou(found(self.image, Clicks(), box), self.truth), 4) for box in (tight, loose))
+        tight_iou, loose_iou = (
+            round(iou(found(self.image, Clicks(), box, self.model), self.truth), 4) for box in (tight, loose)
+        )
         return tight_iou, loose_iou
 
 

@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 
 import ffseg
 from ffseg.errors import SegmentationError
+from ffseg.evidence.forest import Model, to_bytes
 from ffseg.io.starts import Start
 from ffseg.learning.drawn.clicks import Clicks
 from ffseg.learning.drawn.sights import sights
 from ffseg.metrics import INSIDE, iou
 from tests.masks import read_mask
+from tests.stumps import stump
 
 Picture = NDArray[np.uint8]
 KINDS = ("thing", "animal", "organ", "nuclei", "colony", "field")
@@ -254,3 +256,37 @@ def test_what_closes_in_keeps_to_the_domain(method: str) -> None:
     found = ffseg.segment(image, params, domain=domain)
     assert found.mask[120, 150]
     assert not found.mask[domain == 0].any()
+
+
+@pytest.fixture
+def red(tmp_path: Path) -> str:
+    """A model to which red is inside."""
+    path = tmp_path / "red.ffmodel"
+    path.write_bytes(to_bytes(Model(stump("red@1.5", 20.0, 6))))
+    return str(path)
+
+
+GREY, LIGHT, RED = (120, 120, 120), (190, 190, 190), (60, 70, 170)
+
+
+def coloured(ground: tuple[int, int, int], right: tuple[int, int, int]) -> Picture:
+    """The disc of the scene, grey, on ground of a colour, and its right half of another."""
+    truth = scene()[1]
+    image = np.full((*truth.shape, 3), ground, np.uint8)
+    image[truth == INSIDE] = GREY
+    image[:, 60:][truth[:, 60:] == INSIDE] = right
+    return image
+
+
+def test_a_model_that_takes_what_lies_beside_a_box_does_not_decide_in_it(red: str) -> None:
+    found = ffseg.segment(coloured(ground=RED, right=GREY), {"init.boxes": [BOX], "edges.model": red})
+    assert found.source == "model"
+    assert iou(found.mask, scene()[1]) > 0.95
+
+
+def test_a_model_that_takes_nothing_beside_a_box_decides_in_it(red: str) -> None:
+    """Both halves differ from the ground; the model knows one of them."""
+    image, truth = coloured(ground=LIGHT, right=RED), scene()[1]
+    assert iou(ffseg.segment(image, {"init.boxes": [BOX]}).mask, truth) > 0.95
+    half = np.where(np.arange(200) < 60, np.uint8(0), truth)
+    assert iou(ffseg.segment(image, {"init.boxes": [BOX], "edges.model": red}).mask, half) > 0.95
