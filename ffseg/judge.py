@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ffseg.arrays import Image, Mask, Plane
+from ffseg.arrays import Image, Mask
 from ffseg.contour import ContourResult
-from ffseg.evidence.maps import probability
+from ffseg.evidence.maps import expected_overlap
 from ffseg.evidence.surroundings import STRIDE, strided
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import packed_joints
@@ -67,7 +67,7 @@ def judge_region(
     domain = scene.disc if scene.domain is None else scene.domain
     doubts = tuple(_doubts(found, contours, mask, domain))
     odds = found.scene.edges.odds
-    overlap = None if odds is None else expected_overlap(odds, mask)
+    overlap = None if odds is None else expected_overlap(strided(odds), mask[::STRIDE, ::STRIDE])
     sure = found.boundary_of(contours).clear_share() if overlap is None else calibrated(overlap)
     return min([sure, *(doubt.most for doubt in doubts)]), doubts
 
@@ -75,27 +75,6 @@ def judge_region(
 def calibrated(overlap: float) -> float:
     """Mean IoU of the results for which the prior expects this overlap."""
     return overlap / (overlap + OVERLAP_ODDS_RATIO * (1 - overlap))
-
-
-def expected_overlap(odds: Plane, mask: Mask) -> float:
-    """Expected IoU of a region if the probabilities are right: their sum inside it over that of the union.
-
-    Parameters
-    ----------
-    odds : ndarray of float32, shape (H, W)
-        Log odds of inside, 0 where the region ends.
-    mask : ndarray of bool, shape (H, W)
-
-    Notes
-    -----
-    Probabilities below one half count as none: there are many of them far off, where they say more of the size of
-    the image than of the region.
-    """
-    few, inside = strided(odds), mask[::STRIDE, ::STRIDE]
-    every = (few > 0) * probability(few)  # a product, where choices would wait for each pixel
-    both = float((every * inside).sum(dtype=np.float64))
-    either = float(np.count_nonzero(inside)) + float(every.sum(dtype=np.float64)) - both
-    return both / either if either > 0 else 0.0
 
 
 def _doubts(found: ContourResult, contours: tuple[FreeForm, ...], mask: Mask, domain: Image | None) -> Iterator[Doubt]:

@@ -74,7 +74,8 @@ CORE_RADIUS = 0.4
 
 MODEL_WEIGHT, MODEL_SHARPNESS = 2.0, 8.0
 """Weight of a model's log odds beside those of the box's forest, where it finds nothing round the box; and the power of one less
-the ratio of its mean probabilities round the box and in it, by which that falls."""
+the ratio of its mean probabilities round the box and in it, by which that falls. Chosen among 1 to 3 and 1 to 8 on drawings
+that no figure is taken from, and on photographs at even places."""
 
 BOX_FEATURES = (
     "box_x",

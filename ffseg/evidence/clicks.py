@@ -21,7 +21,7 @@ from ffseg.evidence import hints, prior
 from ffseg.evidence.features import enlarged, reduced_mean, reduced_shape, reduction
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.hints import HELD_RADIUS
-from ffseg.evidence.maps import log_odds, odds_edges, probability
+from ffseg.evidence.maps import expected_overlap, log_odds, odds_edges
 from ffseg.evidence.prior import MAX_LOG_ODDS
 from ffseg.evidence.recent import Recent, digest_of
 from ffseg.evidence.surroundings import STRIDE, strided
@@ -150,6 +150,10 @@ class ClickedImage:
             inside &= self.within
         return inside, outside & ~inside
 
+    def expected_overlap(self, state: ClickState) -> float:
+        """Expected IoU of a state's region if its log odds are right."""
+        return expected_overlap(state.odds - np.float32(self.level), state.stays)
+
     @cached_property
     def key(self) -> tuple[float, bytes]:
         """Equal for what is equal."""
@@ -173,10 +177,6 @@ class ClickState:
     odds: Plane
     counted: Mask
     stays: Mask
-
-    def certainty(self) -> float:
-        """Mean probability in the region: the overlap that these log odds expect of it; 0 if it is empty."""
-        return float(probability(self.odds)[self.stays].mean(dtype=np.float64)) if self.stays.any() else 0.0
 
 
 def hint_edges(scene: Scene) -> EdgeMap:
@@ -202,25 +202,16 @@ def with_clicks(
     SegmentationError
         If a click outside lies in the start region or beyond the image.
     """
-    params, limits = scene.params, scene.disc if scene.domain is None else scene.domain
-    level, points = log_odds(params.region.probability), params.init.background
+    params, level = scene.params, log_odds(scene.params.region.probability)
     if scene.boxes and base is not None:
         scene = _in_boxes(scene, base - np.float32(level))
     inside = start_core(scene)
-    outside = seeds(points, inside, scene.background)
-    within = None if limits is None else limits > 0
-    if within is not None:
-        inside &= within
-    first, circles = _first(scene, inside)
-    if base is None and len(circles) >= MOST_CORRECTIONS and not scene.clicked_outside:
-        first, circles = inside, []
-    if base is not None and not scene.boxes and first.any() and base[first].max() <= level:
-        base = ask = None
-    odds, kept = base, None
-    if first.any():
-        beyond = np.zeros_like(inside) if scene.background is None else scene.background > 0
-        clicked = ClickedImage(scene.image, first, beyond, base, level, within, ask)
-        state = state_after_all(clicked, circles, [_outside(*point) for point in points])
+    outside = seeds(params.init.background, inside, scene.background)
+    inside, within = _in_domain(scene, inside)
+    odds, kept, found = base, None, _after_clicks(scene, base, ask)
+    if found is not None:
+        clicked, state = found
+        odds = clicked.base
         if state is not None:
             odds, kept = _at_full_size(clicked, state)
             odds[dilated_by_disc(inside, HELD_RADIUS)] = MAX_LOG_ODDS
@@ -235,6 +226,42 @@ def with_clicks(
         return edges
     free = ~outside if within is None else ~outside & within
     return replace(edges, domain=np.where(free, np.uint8(255), np.uint8(0)))
+
+
+def sureness(scene: Scene, base: Plane | None = None, ask: Callable[[Mask], Plane] | None = None) -> float:
+    """Overlap that the log odds after all clicks of a scene expect of their region; 0 where there are none."""
+    clicked, state = _after_clicks(scene, base, ask) or (None, None)
+    return 0.0 if clicked is None or state is None else clicked.expected_overlap(state)
+
+
+def _after_clicks(
+    scene: Scene, base: Plane | None = None, ask: Callable[[Mask], Plane] | None = None
+) -> tuple[ClickedImage, ClickState | None] | None:
+    """The image with what is known before the clicks of a scene, and the state after them; None where nothing inside is known.
+
+    The base, as that of `with_clicks`, is not used where the first start lies wholly outside its region. There is no state where
+    both sides show the same colours and nothing else tells them apart.
+    """
+    inside, within = _in_domain(scene, start_core(scene))
+    first, circles = _first(scene, inside)
+    if not first.any():
+        return None
+    if base is None and len(circles) >= MOST_CORRECTIONS and not scene.clicked_outside:
+        first, circles = inside, []
+    level = log_odds(scene.params.region.probability)
+    if base is not None and not scene.boxes and base[first].max() <= level:
+        base = ask = None
+    beyond = np.zeros_like(inside) if scene.background is None else scene.background > 0
+    clicked = ClickedImage(scene.image, first, beyond, base, level, within, ask)
+    points = [_outside(*point) for point in scene.params.init.background]
+    return clicked, state_after_all(clicked, circles, points)
+
+
+def _in_domain(scene: Scene, inside: Mask) -> tuple[Mask, Mask | None]:
+    """What the domain has of a region, and the domain, where there is one."""
+    limits = scene.disc if scene.domain is None else scene.domain
+    within = None if limits is None else limits > 0
+    return inside if within is None else inside & within, within
 
 
 def _in_boxes(scene: Scene, odds: Plane) -> Scene:
@@ -327,7 +354,9 @@ def _state_after(
     if outside.any() or clicked.base is not None:
         return corrected
     (shown, _), _ = hints.showing(inside, outside)
-    return max(corrected, first_state(clicked, _view(clicked, shown).cautious_odds, inside), key=ClickState.certainty)
+    return max(
+        corrected, first_state(clicked, _view(clicked, shown).cautious_odds, inside), key=clicked.expected_overlap
+    )
 
 
 def _within_reach(

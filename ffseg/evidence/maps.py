@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.arrays import Plane
+from ffseg.arrays import Mask, Plane
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap
 from ffseg.native import _core
 
@@ -104,6 +104,26 @@ def certain_odds(probability: Plane) -> Plane:
     """Log odds of probabilities, limited to `MAX_PROBABILITY`."""
     certain = np.clip(probability, 1 - MAX_PROBABILITY, MAX_PROBABILITY)
     return logarithm(certain / (1 - certain))
+
+
+def expected_overlap(odds: Plane, mask: Mask) -> float:
+    """Expected IoU of a region if the probabilities are right: their sum inside it over that of the union.
+
+    Parameters
+    ----------
+    odds : ndarray of float32, shape (H, W)
+        Log odds of inside, 0 where the region ends.
+    mask : ndarray of bool, shape (H, W)
+
+    Notes
+    -----
+    Probabilities below one half count as none: there are many of them far off, where they say more of the size of
+    the image than of the region.
+    """
+    every = (odds > 0) * probability(odds)  # a product, where choices would wait for each pixel
+    both = float((every * mask).sum(dtype=np.float64))
+    either = float(np.count_nonzero(mask)) + float(every.sum(dtype=np.float64)) - both
+    return both / either if either > 0 else 0.0
 
 
 def odds_edges(odds: Plane, probability: float, image_edges: EdgeMap, source: str) -> EdgeMap:

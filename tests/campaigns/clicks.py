@@ -31,7 +31,8 @@ from ffseg.image.edges import edge_map
 from ffseg.io.images import prepare_worker
 from ffseg.learning.drawn.clicks import Clicks
 from ffseg.learning.drawn.sights import KINDS, sights
-from ffseg.learning.training import learn, samples_by_default
+from ffseg.learning.gather import LabelledImage, TrainingSet
+from ffseg.learning.learn import learn_and_measure
 from ffseg.metrics import IGNORED, INSIDE, iou
 from ffseg.parameters import load_params
 from ffseg.starts.initial import click_radius
@@ -111,7 +112,24 @@ def found(image: Picture, clicks: Clicks, box: Iterable[float] | None = None, mo
     return ffseg.segment(image, replace(params, init=init, edges=edges)).mask
 
 
-def after_learning(given: Iterable[Task], count: int, folder: Path) -> Iterator[Task]:
+@dataclass(frozen=True, slots=True, eq=False)
+class Lesson:
+    """Images of a set that teach a model of the others, and its file."""
+
+    taught: list[Task]
+    others: list[Task]
+    path: str
+
+    def learn(self) -> None:
+        """Write the model, measured as `ffseg pick` has it measured."""
+        prepare_worker()
+        params = load_params()
+        labelled = [LabelledImage(one.name, one.image, one.truth, params, None) for one in self.taught]
+        model, _ = learn_and_measure(TrainingSet(labelled, [], {}), params, lambda _: None)
+        Path(self.path).write_bytes(to_bytes(model))
+
+
+def lessons(given: Iterable[Task], count: int, folder: Path) -> Iterator[Lesson]:
     """Of each set, every so many images teach a model of the others."""
     groups: dict[str, list[Task]] = {}
     for one in given:
@@ -119,10 +137,8 @@ def after_learning(given: Iterable[Task], count: int, folder: Path) -> Iterator[
     for name, group in groups.items():
         for first in range(0, len(group) - count + 1, count):
             taught = group[first : first + count]
-            chosen = [samples_by_default(one.image, one.truth) for one in taught]
-            path = folder / f"{name.replace('/', '-')}-{first}.ffmodel"
-            path.write_bytes(to_bytes(learn(chosen)))
-            yield from (replace(one, model=str(path)) for one in group if one not in taught)
+            path = str(folder / f"{name.replace('/', '-')}-{first}.ffmodel")
+            yield Lesson(taught, [replace(one, model=path) for one in group if one not in taught], path)
 
 
 def tasks(data: Path, count: int, first: int, sealed: bool) -> Iterator[Task]:
@@ -189,7 +205,11 @@ def main(
     given = tasks(data, drawn, first, sealed)
     # not by fork: threads of OpenCV, which drawing has begun, end with it and leave their locks closed
     with ProcessPoolExecutor(jobs, get_context("spawn")) as pool, TemporaryDirectory() as folder:
-        rows = list(pool.map(Task.asked, after_learning(given, learned, Path(folder)) if learned else given))
+        if learned:
+            taught = list(lessons(given, learned, Path(folder)))
+            list(pool.map(Lesson.learn, taught))
+            given = (one for lesson in taught for one in lesson.others)
+        rows = list(pool.map(Task.asked, given))
     if out:
         with out.open("w", encoding="utf-8", newline="") as file:
             csv.writer(file).writerows([list(COLUMNS), *rows])

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ffseg.api import segment
 from ffseg.contour import run
 from ffseg.evidence import auto
+from ffseg.evidence.maps import expected_overlap
 from ffseg.evidence.prior import FEATURE_NAMES, MAX_LOG_ODDS, MIN_START_RADIUS, all_planes, prior, start_features
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image import boundary
@@ -22,7 +23,7 @@ from ffseg.image.edges import GRADIENT_SCALE, EdgeMap, edge_map
 from ffseg.image.exposure import MEAN_LEVEL, normalised_exposure
 from ffseg.image.free import distances
 from ffseg.io.masks import encode_png
-from ffseg.judge import OVERLAP_ODDS_RATIO, calibrated, expected_overlap
+from ffseg.judge import OVERLAP_ODDS_RATIO, calibrated
 from ffseg.learning.drawn.sights import Sight, sights
 from ffseg.metrics import iou
 from ffseg.native import _core
