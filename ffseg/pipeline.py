@@ -64,13 +64,7 @@ def segment(scene: Scene) -> Segmentation:
         mask = rasterize(contours, shape)
     timings = _timings(scene, found, known - begin, end - begin)
     thresholds = found.scene.edges.thresholds
-    messages = (
-        *scene.messages,
-        *lost,
-        *fallback_messages(scene),
-        *found.messages,
-        *(one.message for one in doubts if one.message),
-    )
+    messages = (*lost, *fallback_messages(scene), *found.messages, *(one.message for one in doubts if one.message))
     names, source = tuple(doubt.name for doubt in doubts), decided_by(scene)
     return Segmentation(mask, contours, found.outcome.stats, timings, messages, source, score, thresholds, names)
 
@@ -102,13 +96,14 @@ def with_method(scene: Scene) -> Scene:
 
 def with_starts(scene: Scene) -> Scene:
     """The scene with its start contours: those asked for, or the disc a model is surest of."""
-    check_background(scene.shape, scene.params, scene.background)
-    if scene.params.edges.model is not None:
-        from ffseg.evidence.source import with_model
+    params = scene.params
+    check_background(scene.shape, params, scene.background)
+    if params.edges.model is not None and scene.start_mask is None and scene.center is None:
+        from ffseg.evidence.source import with_model_start
 
-        scene = with_model(scene)
-    starts = start_contours(scene.shape, scene.params, scene.start_mask, scene.center, scene.domain)
-    return replace(scene, starts=starts)
+        params = with_model_start(scene.image, params, scene.background)
+    starts = start_contours(scene.shape, params, scene.start_mask, scene.center, scene.domain)
+    return replace(scene, params=params, starts=starts)
 
 
 def with_domain(scene: Scene) -> Scene:

@@ -151,8 +151,6 @@ class Scene:
     every : int
     factor : int
         By which the picture that was given is larger (`ffseg.enlargement`); sentences tell places in that one.
-    messages : tuple of str
-        What the steps so far have to say to the user.
 
     Examples
     --------
@@ -180,7 +178,6 @@ class Scene:
     callback: Callable[[Progress], None] | None = None
     every: int = 10
     factor: int = 1
-    messages: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "starts", oriented(self.starts))

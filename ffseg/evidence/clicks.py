@@ -202,16 +202,25 @@ def with_clicks(
     SegmentationError
         If a click outside lies in the start region or beyond the image.
     """
-    params, level = scene.params, log_odds(scene.params.region.probability)
+    params, limits = scene.params, scene.disc if scene.domain is None else scene.domain
+    level, points = log_odds(params.region.probability), params.init.background
     if scene.boxes and base is not None:
         scene = _in_boxes(scene, base - np.float32(level))
     inside = start_core(scene)
-    outside = seeds(params.init.background, inside, scene.background)
-    inside, within = _in_domain(scene, inside)
-    odds, kept, found = base, None, _after_clicks(scene, base, ask)
-    if found is not None:
-        clicked, state = found
-        odds = clicked.base
+    outside = seeds(points, inside, scene.background)
+    within = None if limits is None else limits > 0
+    if within is not None:
+        inside &= within
+    first, circles = _first(scene, inside)
+    if base is None and len(circles) >= MOST_CORRECTIONS and not scene.clicked_outside:
+        first, circles = inside, []
+    if base is not None and not scene.boxes and first.any() and base[first].max() <= level:
+        base = ask = None
+    odds, kept = base, None
+    if first.any():
+        beyond = np.zeros_like(inside) if scene.background is None else scene.background > 0
+        clicked = ClickedImage(scene.image, first, beyond, base, level, within, ask)
+        state = state_after_all(clicked, circles, [_outside(*point) for point in points])
         if state is not None:
             odds, kept = _at_full_size(clicked, state)
             odds[dilated_by_disc(inside, HELD_RADIUS)] = MAX_LOG_ODDS
@@ -226,42 +235,6 @@ def with_clicks(
         return edges
     free = ~outside if within is None else ~outside & within
     return replace(edges, domain=np.where(free, np.uint8(255), np.uint8(0)))
-
-
-def sureness(scene: Scene, base: Plane | None = None, ask: Callable[[Mask], Plane] | None = None) -> float:
-    """Overlap that the log odds after all clicks of a scene expect of their region; 0 where there are none."""
-    clicked, state = _after_clicks(scene, base, ask) or (None, None)
-    return 0.0 if clicked is None or state is None else clicked.expected_overlap(state)
-
-
-def _after_clicks(
-    scene: Scene, base: Plane | None = None, ask: Callable[[Mask], Plane] | None = None
-) -> tuple[ClickedImage, ClickState | None] | None:
-    """The image with what is known before the clicks of a scene, and the state after them; None where nothing inside is known.
-
-    The base, as that of `with_clicks`, is not used where the first start lies wholly outside its region. There is no state where
-    both sides show the same colours and nothing else tells them apart.
-    """
-    inside, within = _in_domain(scene, start_core(scene))
-    first, circles = _first(scene, inside)
-    if not first.any():
-        return None
-    if base is None and len(circles) >= MOST_CORRECTIONS and not scene.clicked_outside:
-        first, circles = inside, []
-    level = log_odds(scene.params.region.probability)
-    if base is not None and not scene.boxes and base[first].max() <= level:
-        base = ask = None
-    beyond = np.zeros_like(inside) if scene.background is None else scene.background > 0
-    clicked = ClickedImage(scene.image, first, beyond, base, level, within, ask)
-    points = [_outside(*point) for point in scene.params.init.background]
-    return clicked, state_after_all(clicked, circles, points)
-
-
-def _in_domain(scene: Scene, inside: Mask) -> tuple[Mask, Mask | None]:
-    """What the domain has of a region, and the domain, where there is one."""
-    limits = scene.disc if scene.domain is None else scene.domain
-    within = None if limits is None else limits > 0
-    return inside if within is None else inside & within, within
 
 
 def _in_boxes(scene: Scene, odds: Plane) -> Scene:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ffseg.arrays import Image, Mask, Plane
 from ffseg.errors import ImageReadError, ParameterError, SegmentationError
-from ffseg.evidence.clicks import sureness, with_clicks
+from ffseg.evidence.clicks import with_clicks
 from ffseg.evidence.features import Features, features, reduced_mean, reduction
 from ffseg.evidence.forest import Compiled, Model, load_model
 from ffseg.evidence.gradient import gradient
@@ -28,7 +28,7 @@ from ffseg.io.files import printable, read_bytes
 from ffseg.native import _core
 from ffseg.parameters import Network, Parameters
 from ffseg.scene import Scene
-from ffseg.starts.initial import circle_start, middles, start_contours
+from ffseg.starts.initial import circle_start, middles
 from ffseg.starts.parts import start_core
 from ffseg.starts.pockets import discs
 from ffseg.starts.rivals import seeds
@@ -70,23 +70,13 @@ def model_edges(scene: Scene) -> EdgeMap:
     if path.endswith(NETWORK_SUFFIX):
         return _edges(scene, _in_boxes(scene, _network_map(scene, path)), own, "model")
 
-    say = _asked(scene, path)
-    return _edges(scene, say(_before_clicks(scene)), own, "model", partial(_odds_by, say))
-
-
-def _asked(scene: Scene, path: str) -> Callable[[Mask], Plane]:
-    """What gives the probability of inside by a forest from a start region, shape (H, W) both; in boxes with what they show."""
     model, native = ready(path)
 
     def say(start: Mask) -> Plane:
         make = partial(model_odds, model, scene.image, start, native)
         return _in_boxes(scene, _kept(path, (scene.image, start), None, make) if scene.has_hints else make())
 
-    return say
-
-
-def _odds_by(say: Callable[[Mask], Plane], start: Mask) -> Plane:
-    return certain_odds(say(start))
+    return _edges(scene, say(_before_clicks(scene)), own, "model", lambda start: certain_odds(say(start)))
 
 
 def _in_boxes(scene: Scene, values: Plane) -> Plane:
@@ -159,34 +149,6 @@ def _edges(
     return evidence_edges(at_level(values, scene.params.region.probability), own, source)
 
 
-def with_model(scene: Scene) -> Scene:
-    """The scene with the start that its model finds, if any; without the model where circles tell more than it.
-
-    Of a model with which a click does worse than alone, on images left out as ``ffseg learn`` has measured, circles are
-    looked at with and without it, and what is surer of its region counts.
-    """
-    told, params = scene, scene.params
-    if scene.start_mask is None and scene.center is None:
-        told = replace(scene, params=with_model_start(scene.image, params, scene.background))
-    own, without = (about_of(params).get(name) for name in ("click", "click_without"))
-    poor = isinstance(own, float) and isinstance(without, float) and own < without
-    other = scene.evidence is not None or scene.edges_given or scene.boxes  # which count before the model, or beside it
-    if not poor or not params.init.circles or other:
-        return told
-    sentence = (
-        f"the clicks tell more than the model (after one an IoU of {without:.2f}, {own:.2f} with it): it is left aside"
-    )
-    alone = replace(params, edges=replace(params.edges, model=None, source="auto"))
-    return replace(scene, params=alone, messages=(sentence,)) if _tells_more(scene, alone, told.params) else told
-
-
-def _tells_more(scene: Scene, alone: Parameters, told: Parameters) -> bool:
-    """Whether clicks are surer of their region by themselves than with the model."""
-    by_clicks, both = (replace(scene, params=one, starts=start_contours(scene.shape, one)) for one in (alone, told))
-    say = _asked(both, told.edges.model or "")
-    return sureness(by_clicks) > sureness(both, certain_odds(say(_before_clicks(both))), partial(_odds_by, say))
-
-
 def with_model_start(image: Image, params: Parameters, background: Image | None = None) -> Parameters:
     """The parameters with the start that a model finds, if any; further circles given in them follow it.
 
@@ -257,14 +219,11 @@ def ready(path: str) -> Compiled:
 
 def learned_from(params: Parameters) -> frozenset[str]:
     """Names of the images that ``edges.model`` was learned from, if its file has them."""
-    names = about_of(params).get("images")
-    return frozenset(one for one in names if isinstance(one, str)) if isinstance(names, list) else frozenset()
-
-
-def about_of(params: Parameters) -> dict[str, object]:
-    """What the file of ``edges.model`` says about it; nothing of a network."""
     path = params.edges.model
-    return {} if path is None or not path.endswith(FOREST_SUFFIX) else ready(path)[0].about
+    if path is None or not path.endswith(FOREST_SUFFIX):
+        return frozenset()
+    names = ready(path)[0].about.get("images")
+    return frozenset(one for one in names if isinstance(one, str)) if isinstance(names, list) else frozenset()
 
 
 def check_model(path: str, network: Network | None = None) -> None:

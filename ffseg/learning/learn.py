@@ -20,14 +20,12 @@ from ffseg.evidence.source import model_odds, model_start
 from ffseg.image.exposure import normalised_exposure
 from ffseg.io.files import printable
 from ffseg.io.tables import counted, without_nan
-from ffseg.learning.drawn.clicks import Clicks
 from ffseg.learning.gather import LabelledImage, TrainingSet, known_share, start_region
 from ffseg.learning.training import BaseChoice, Example, PriorChoice, Samples, grown, learn, samples, starts_in
-from ffseg.metrics import INSIDE, iou
+from ffseg.metrics import iou
 from ffseg.parameters import Parameters
 from ffseg.pipeline import segment
 from ffseg.scene import Scene
-from ffseg.starts.initial import click_radius
 
 FOLDS = 10
 """Parts the images are left out in; with fewer images, each is left out alone."""
@@ -78,9 +76,6 @@ class CrossValidation:
         Whether the starts of some images are looked for; without a model they are grown from the middle then.
     order : tuple of str
         Images without a mask, those the model is least sure of first; `following` is the first.
-    click, click_without : float
-        Mean IoU, with and without the model, after a click in what it misses, or in the region; from starts that are named,
-        which clicks stand for, as without. NaN where that was not measured.
     """
 
     masks: int
@@ -97,8 +92,6 @@ class CrossValidation:
     known: float = 1.0
     searched: bool = False
     order: tuple[str, ...] = ()
-    click: float = float("nan")
-    click_without: float = float("nan")
 
 
 def learn_and_measure(
@@ -148,51 +141,41 @@ def _figures(labelled: Sequence[LabelledImage], chosen: Sequence[Samples], tell:
     count = len(labelled)
     if count < 2:
         return _unmeasured(count)
-    found = [(0.0, 0.0)] * count, [(0.0, 0.0)] * count
+    own, other = [0.0] * count, [0.0] * count
     folds = [range(part, count, min(FOLDS, count)) for part in range(min(FOLDS, count))]
     for number, fold in enumerate(folds):
         searched = any(labelled[i].start is None for i in fold)
         model = learn([chosen[i] for i in range(count) if i not in fold], searched=searched)
         for i in fold:
-            for one, told in zip(found, (model, None), strict=True):
-                one[i] = _overlaps(labelled[i], told)
-        tell(f"left out part {number + 1} of {len(folds)}: IoU {mean(found[0][i][0] for i in fold):.3f}")
-    (own, clicked), (other, clicked_without) = (zip(*one, strict=True) for one in found)
+            own[i] = _overlap(labelled[i], model)
+            other[i] = _overlap(labelled[i], None)
+        tell(f"left out part {number + 1} of {len(folds)}: IoU {mean(own[i] for i in fold):.3f}")
     gains = [a - b for a, b in zip(own, other, strict=True)]
     helps = mean(gains) > MIN_STANDARD_ERRORS * stdev(gains) / len(gains) ** 0.5
     curve = _curve(labelled, chosen)
     more = _worth_drawing(curve, count)
-    measured = CrossValidation(count, mean(own), pstdev(own), mean(other), pstdev(other), helps, curve, more)
-    return replace(measured, click=mean(clicked), click_without=mean(clicked_without))
+    return CrossValidation(count, mean(own), pstdev(own), mean(other), pstdev(other), helps, curve, more)
 
 
 def _without_model(params: Parameters) -> Parameters:
     return replace(params, edges=replace(params.edges, model=None))
 
 
-def _overlaps(one: LabelledImage, model: Model | None) -> tuple[float, float]:
-    """IoU of the contour on an image, with a model's probabilities or without a model, as it is and after a click."""
+def _overlap(one: LabelledImage, model: Model | None) -> float:
+    """IoU of the contour on an image, with a model's probabilities or without a model."""
     params, start = _without_model(one.params), one.start
     if start is None and model is not None:
         circle = model_start(one.image, model, params.init.radius_in(one.image.shape))
         params = params if circle is None else replace(params, init=replace(params.init, circles=(circle,)))
         start = start_region(one.image.shape[:2], params)
-    evidence = None if model is None or start is None else model_odds(model, one.image, start)
-    mask = _contoured(one, params, evidence)
-    own = iou(mask, one.truth)
-    if one.start is not None:
-        return own, own
-    missed = mask & (one.truth == INSIDE) if model is not None else np.zeros_like(mask)
-    click = Clicks().next(missed, one.truth, click_radius(one.truth.shape)).inside
-    clicked = replace(params, init=replace(params.init, circles=(*params.init.circles, *click)))
-    return own, iou(_contoured(one, clicked, evidence), one.truth)
+    return _contoured(one, params, None if model is None or start is None else model_odds(model, one.image, start))
 
 
-def _contoured(one: LabelledImage, params: Parameters, evidence: Plane | None) -> Mask:
+def _contoured(one: LabelledImage, params: Parameters, evidence: Plane | None) -> float:
     try:
-        return segment(Scene(one.image, params, evidence=evidence, **one.masks.bounds)).mask
+        return iou(segment(Scene(one.image, params, evidence=evidence, **one.masks.bounds)).mask, one.truth)
     except SegmentationError:
-        return np.zeros(one.image.shape[:2], np.bool_)
+        return 0.0
 
 
 def _curve(labelled: Sequence[LabelledImage], chosen: Sequence[Samples]) -> tuple[tuple[int, float], ...]:
@@ -218,8 +201,7 @@ def _curve(labelled: Sequence[LabelledImage], chosen: Sequence[Samples]) -> tupl
             drawn = rng.permutation(count)
             model = grown([chosen[i] for i in drawn[:number]], CURVE_TREES)
             tested = drawn[number:][:MAX_TESTED]
-            maps = ((labelled[i], model.map(seen[i], prior=odds[i])) for i in tested)
-            found += [iou(_contoured(one, one.params, evidence), one.truth) for one, evidence in maps]
+            found += [_contoured(labelled[i], labelled[i].params, model.map(seen[i], prior=odds[i])) for i in tested]
         points.append((number, round(mean(found), 4)))
     return tuple(points)
 

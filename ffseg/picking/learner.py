@@ -82,8 +82,6 @@ def learn_summary(document: str) -> tuple[str, list[str], bool]:
     line = f"{found['masks']} masks: {_short(iou)} expected on the rest"
     more = found["more"]
     line += f"; {_gain(found['curve'])}" if more else "; more masks will hardly raise it"
-    if found["click"] < found["click_without"]:
-        line += f"; a click alone does {_short(found['click_without'])}: where clicks are surer, they count without it"
     return line, found.get("order") or [], iou >= without  # without one, a run begins in the middle
 
 

@@ -120,13 +120,16 @@ class Lesson:
     others: list[Task]
     path: str
 
-    def learn(self) -> None:
-        """Write the model, measured as `ffseg pick` has it measured."""
+    def learn(self) -> "Lesson":
+        """With the model's file, measured as `ffseg pick` has it measured; without a model that is worse than none, as there."""
         prepare_worker()
         params = load_params()
         labelled = [LabelledImage(one.name, one.image, one.truth, params, None) for one in self.taught]
-        model, _ = learn_and_measure(TrainingSet(labelled, [], {}), params, lambda _: None)
+        model, figures = learn_and_measure(TrainingSet(labelled, [], {}), params, lambda _: None)
+        if figures.iou < figures.without:
+            return replace(self, others=[replace(one, model=None) for one in self.others])
         Path(self.path).write_bytes(to_bytes(model))
+        return self
 
 
 def lessons(given: Iterable[Task], count: int, folder: Path) -> Iterator[Lesson]:
@@ -206,9 +209,8 @@ def main(
     # not by fork: threads of OpenCV, which drawing has begun, end with it and leave their locks closed
     with ProcessPoolExecutor(jobs, get_context("spawn")) as pool, TemporaryDirectory() as folder:
         if learned:
-            taught = list(lessons(given, learned, Path(folder)))
-            list(pool.map(Lesson.learn, taught))
-            given = (one for lesson in taught for one in lesson.others)
+            taught = pool.map(Lesson.learn, lessons(given, learned, Path(folder)))
+            given = [one for lesson in taught for one in lesson.others]
         rows = list(pool.map(Task.asked, given))
     if out:
         with out.open("w", encoding="utf-8", newline="") as file:

@@ -97,24 +97,6 @@ def test_a_model_without_another_start_than_what_lies_outside_says_so(forest: st
         ffseg.segment(image, {"edges.model": forest}, background=disc(25, 30, 16).view(np.uint8))
 
 
-@pytest.mark.parametrize(("alone", "left_aside"), [(0.7, True), (0.3, False)])
-def test_a_model_that_does_worse_than_a_click_is_left_aside_where_clicks_are_surer(
-    alone: float, left_aside: bool, tmp_path: Path
-) -> None:
-    """As `ffseg learn` has measured it; on unlike things clicks needed two more with a model to be as good as without."""
-    red = stump("red@1.5", 20.0, 1)
-    path = tmp_path / "red.ffmodel"
-    path.write_bytes(to_bytes(Model(red, red, about={"click": 0.5, "click_without": alone})))
-    image = reddened(LARGE)
-    image[SMALL] = (90, 160, 90)
-    found = ffseg.segment(image, {"edges.model": str(path), "init.circles": [[25, 30, 4]]})
-    assert (iou(found.mask, as_truth(SMALL)) > 0.95) is left_aside
-    assert (found.mask & LARGE).any() is not left_aside
-    said = "the clicks tell more than the model (after one an IoU of 0.70, 0.50 with it): it is left aside"
-    assert (said in found.messages) is left_aside
-    assert (ffseg.segment(image, {"edges.model": str(path)}).mask & LARGE).any(), "without a click it is asked"
-
-
 def test_points_come_after_the_start_that_a_model_finds(forest: str) -> None:
     seeds = {"init.circles": [[25, 30, 4]], "init.background": [[60, 5, 3, 1], [60, 90]]}
     params = with_model_start(reddened(SMALL | LARGE), ffseg.load_params(None, {"edges.model": forest, **seeds}))

@@ -15,7 +15,6 @@ from ffseg.learning import learn as learning
 from ffseg.learning.gather import gather
 from ffseg.learning.learn import CrossValidation, _worth_drawing, learn_and_measure
 from ffseg.learning.training import BaseChoice, Example, PriorChoice, grown, samples
-from ffseg.metrics import iou
 from ffseg.parameters import load_params
 from tests.discs import disc_of
 from tests.masks import write_image
@@ -52,7 +51,6 @@ def test_learn_then_run(folder: Path, ffseg_command: Command) -> None:
     assert told["iou"] > 0.9
     assert told["iou"] > told["without"]
     assert told["helps"] is True
-    assert (told["click"], told["click_without"]) == (told["iou"], told["without"]), "starts that are named are clicks"
     assert told["following"] in {"3.png", "4.png"}
     assert [number for number, _ in told["curve"]] == [1, 2]
     about = load_model(model).about
@@ -73,13 +71,6 @@ def test_without_starts_the_model_finds_them(folder: Path) -> None:
     model, figures = learn_and_measure(gathered, params, lambda _: None)
     assert model.start is not None
     assert figures.iou > 0.85
-    assert figures.click >= figures.iou - 0.02
-    assert 0.5 < figures.click_without < figures.click
-    said = f"IoU after a click {figures.click:.3f}, without the model {figures.click_without:.3f}"
-    assert said in sentences(figures, "a.ffmodel")
-    assert f"{said[:17]} 0.100, without the model 0.200; where clicks are surer, they count without it" in sentences(
-        replace(figures, click=0.1, click_without=0.2), "a.ffmodel"
-    )
     assert [number for number, _ in figures.curve] == [1, 2]
     assert min(value for _, value in figures.curve) > 0.7  # from starts drawn inside the masks
     (folder / "in" / "4.png").write_bytes(b"")
@@ -106,11 +97,9 @@ def test_without_the_model_is_without_that_of_the_parameters_too(folder: Path) -
     (folder / "m.ffmodel").write_bytes(to_bytes(model))
     params = replace(params, edges=replace(params.edges, model=str(folder / "m.ffmodel")))
     named = gather([str(folder / "in")], str(folder / "truth"), params)
-    without = [learning._overlaps(one, None) for one in plain.labelled]
-    assert [iou(learning._contoured(one, one.params, None), one.truth) for one in named.labelled] != [
-        own for own, _ in without
-    ]
-    assert [learning._overlaps(one, None) for one in named.labelled] == without
+    without = [learning._overlap(one, None) for one in plain.labelled]
+    assert [learning._contoured(one, one.params, None) for one in named.labelled] != without
+    assert [learning._overlap(one, None) for one in named.labelled] == without
     chosen = [learning._samples(one, params) for one in plain.labelled]
     assert learning._curve(named.labelled, chosen) == learning._curve(plain.labelled, chosen)
 

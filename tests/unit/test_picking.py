@@ -574,7 +574,6 @@ def test_the_page_loads_nothing_from_elsewhere_and_names_are_data(server) -> Non
 
 FIGURES = {
     "masks": 3, "iou": 0.88, "without": 0.61, "curve": [[1, 0.8], [2, 0.84]], "more": 2, "order": ["c.png", "b.png", "x.png"],
-    "click": 0.9, "click_without": 0.7,
 }  # fmt: skip
 
 
@@ -664,8 +663,6 @@ def test_what_was_learned_is_used_where_it_helps_and_orders_the_images(tmp_path:
         work._learned(0, json.dumps(FIGURES), "")
         assert len(started) == 2
         assert own.news(0, 0)["lines"][1] == "3 masks: .88 expected on the rest; one more may raise it by about .04"
-        work._say(json.dumps(FIGURES | {"click": 0.6}))
-        assert work.line.endswith("by about .04; a click alone does .70: where clicks are surer, they count without it")
         assert own.following(0, 0) == 2, "the one it is least sure of"
         assert (own.following(0, 2), own.following(0, 1)) == (1, 2), "the next in line, and round"
         assert own.projects[0].params.edges.model == str(out / "model.ffmodel")

@@ -79,9 +79,6 @@ def sentences(figures: CrossValidation, out: str) -> list[str]:
         lines.append(
             "where no start is named the model finds its own; without it the contour grows from the middle of the image"
         )
-    if figures.searched and figures.click == figures.click:
-        aside = "; where clicks are surer, they count without it" if figures.click < figures.click_without else ""
-        lines.append(f"IoU after a click {figures.click:.3f}, without the model {figures.click_without:.3f}{aside}")
     if figures.base is not None:
         lines.append(base_sentence(figures.base))
     if figures.prior is not None:
