@@ -7,6 +7,7 @@ the box. It is part of the package; ``python -m ffseg.learning.grow`` makes it.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -105,18 +106,28 @@ def box_edges(scene: Scene) -> EdgeMap:
     own = gradient(scene)
     if not scene.boxes:
         raise SegmentationError("edges.source: box needs a box; give one with --box, or set init.boxes")
-    odds = box_odds(scene)
+    odds = box_odds(scene, looks(scene))
     if scene.clicked_outside or scene.params.init.circles:
         return with_clicks(scene, own, odds)
     return odds_edges(odds, scene.params.region.probability, own, "box")
 
 
-def box_odds(scene: Scene, said: Plane | None = None) -> Plane:
+Look = tuple[tuple[slice, slice], Plane]
+"""Rows and columns of a box, and the log odds of the object for each of its pixels."""
+
+
+def looks(scene: Scene) -> tuple[Look, ...]:
+    """What is seen in each box of a scene."""
+    return tuple(in_box(scene.image, box) for box in scene.boxes)
+
+
+def box_odds(scene: Scene, seen: Sequence[Look], said: Plane | None = None) -> Plane:
     """Log odds of the objects in the boxes of a scene.
 
     Parameters
     ----------
-    scene : Scene
+    seen : sequence
+        What is seen in each (`looks`).
     said : ndarray of float32, shape (H, W), optional
         Log odds by a model, which are added as far as they tell each box from what lies beside it (`trust_in`).
 
@@ -127,12 +138,12 @@ def box_odds(scene: Scene, said: Plane | None = None) -> Plane:
     """
     odds = np.full(scene.shape, np.float32(-MAX_LOG_ODDS))
     beside = box_domain(scene.boxes, scene.shape) == 0
-    for box in scene.boxes:
-        window, inside = in_box(scene.image, box)
-        if said is not None:  # a box that is all there is tells nothing
-            own = inside if beside.any() else np.float32(0)
-            inside = own + np.float32(trust_in(said, window, beside)) * said[window]
-        np.maximum(odds[window], inside, out=odds[window])
+    for window, inside in seen:
+        found = inside
+        if said is not None:
+            own = inside if beside.any() else np.float32(0)  # a box that is all there is tells nothing
+            found = own + np.float32(trust_in(said, window, beside)) * said[window]
+        np.maximum(odds[window], found, out=odds[window])
     if scene.domain is not None:
         odds[scene.domain == 0] = -MAX_LOG_ODDS
     return odds
@@ -157,7 +168,7 @@ def trust_in(said: Plane, window: tuple[slice, slice], beside: Mask) -> float:
     return MODEL_WEIGHT * float(max(0.0, 1 - round_it / in_it) ** MODEL_SHARPNESS)
 
 
-def in_box(image: Image, box: Box) -> tuple[tuple[slice, slice], Plane]:
+def in_box(image: Image, box: Box) -> Look:
     """Log odds of the object in a box.
 
     Parameters

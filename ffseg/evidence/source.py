@@ -66,26 +66,27 @@ def model_edges(scene: Scene) -> EdgeMap:
     path = scene.params.edges.model
     if path is None:
         raise ParameterError("edges.source: model needs a model; set edges.model to a file")
-    own = gradient(scene)
+    own, joined = gradient(scene), _with_boxes(scene)
     if path.endswith(NETWORK_SUFFIX):
-        return _edges(scene, _in_boxes(scene, _network_map(scene, path)), own, "model")
+        return _edges(scene, joined(_network_map(scene, path)), own, "model")
 
     model, native = ready(path)
 
     def say(start: Mask) -> Plane:
         make = partial(model_odds, model, scene.image, start, native)
-        return _in_boxes(scene, _kept(path, (scene.image, start), None, make) if scene.has_hints else make())
+        return joined(_kept(path, (scene.image, start), None, make) if scene.has_hints else make())
 
     return _edges(scene, say(_before_clicks(scene)), own, "model", lambda start: certain_odds(say(start)))
 
 
-def _in_boxes(scene: Scene, values: Plane) -> Plane:
-    """What a model says, joined where there are boxes with what is seen in these: probabilities of inside, shape (H, W)."""
+def _with_boxes(scene: Scene) -> Callable[[Plane], Plane]:
+    """What joins a model's probabilities of inside with what is seen in the boxes of a scene, shape (H, W) both."""
     if not scene.boxes or scene.params.edges.evidence == "edges":
-        return values
-    from ffseg.evidence.box import box_odds  # loads its forest's features
+        return lambda values: values
+    from ffseg.evidence.box import box_odds, looks  # load features of the box's forest
 
-    return probability(box_odds(scene, certain_odds(values)))
+    seen = looks(scene)
+    return lambda values: probability(box_odds(scene, seen, certain_odds(values)))
 
 
 def _kept(path: str, arrays: tuple[NDArray[Any], ...], number: float | None, make: Callable[[], Any]) -> Any:  # noqa: ANN401 - as made
