@@ -141,7 +141,7 @@ def box_odds(scene: Scene, seen: Sequence[Look], said: Plane | None = None) -> P
     for window, inside in seen:
         found = inside
         if said is not None:
-            own = inside if beside.any() else np.float32(0)  # a box that is all there is tells nothing
+            own = np.float32(0) if inside.shape == scene.shape else inside  # a box that is all there is tells nothing
             found = own + np.float32(trust_in(said, window, beside)) * said[window]
         np.maximum(odds[window], found, out=odds[window])
     if scene.domain is not None:
