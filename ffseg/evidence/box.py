@@ -7,7 +7,7 @@ the box. It is part of the package; ``python -m ffseg.learning.grow`` makes it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -121,32 +121,25 @@ def looks(scene: Scene) -> tuple[Look, ...]:
     return tuple(in_box(scene.image, box) for box in scene.boxes)
 
 
-def box_odds(scene: Scene, seen: Sequence[Look], said: Plane | None = None) -> Plane:
-    """Log odds of the objects in the boxes of a scene.
+def box_odds(scene: Scene, seen: Iterable[Look]) -> Plane:
+    """Log odds of the objects in the boxes of a scene, from what is seen in each, shape (H, W).
 
-    Parameters
-    ----------
-    seen : sequence
-        What is seen in each (`looks`).
-    said : ndarray of float32, shape (H, W), optional
-        Log odds by a model, which are added as far as they tell each box from what lies beside it (`trust_in`).
-
-    Returns
-    -------
-    ndarray of float32, shape (H, W)
-        Those of a pixel in several boxes are the largest; outside all boxes and the domain ``-MAX_LOG_ODDS``.
+    Those of a pixel in several boxes are the largest; outside all boxes and the domain they are ``-MAX_LOG_ODDS``.
     """
     odds = np.full(scene.shape, np.float32(-MAX_LOG_ODDS))
-    beside = box_domain(scene.boxes, scene.shape) == 0
     for window, inside in seen:
-        found = inside
-        if said is not None:
-            own = np.float32(0) if inside.shape == scene.shape else inside  # a box that is all there is tells nothing
-            found = own + np.float32(trust_in(said, window, beside)) * said[window]
-        np.maximum(odds[window], found, out=odds[window])
+        np.maximum(odds[window], inside, out=odds[window])
     if scene.domain is not None:
         odds[scene.domain == 0] = -MAX_LOG_ODDS
     return odds
+
+
+def with_said(scene: Scene, seen: Sequence[Look], said: Plane) -> Iterator[Look]:
+    """What is seen in each box with a model's log odds, shape (H, W), added as far as they tell it from what lies beside it."""
+    beside = box_domain(scene.boxes, scene.shape) == 0
+    for window, inside in seen:
+        own = np.float32(0) if inside.shape == scene.shape else inside  # a box that is all there is tells nothing
+        yield window, own + np.float32(trust_in(said, window, beside)) * said[window]
 
 
 def trust_in(said: Plane, window: tuple[slice, slice], beside: Mask) -> float:

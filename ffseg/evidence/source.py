@@ -83,10 +83,10 @@ def _with_boxes(scene: Scene) -> Callable[[Plane], Plane]:
     """What joins a model's probabilities of inside with what is seen in the boxes of a scene, shape (H, W) both."""
     if not scene.boxes or scene.params.edges.evidence == "edges":
         return lambda values: values
-    from ffseg.evidence.box import box_odds, looks  # load features of the box's forest
+    from ffseg.evidence.box import box_odds, looks, with_said  # load features of the box's forest
 
     seen = looks(scene)
-    return lambda values: probability(box_odds(scene, seen, certain_odds(values)))
+    return lambda values: probability(box_odds(scene, with_said(scene, seen, certain_odds(values))))
 
 
 def _kept(path: str, arrays: tuple[NDArray[Any], ...], number: float | None, make: Callable[[], Any]) -> Any:  # noqa: ANN401 - as made

@@ -13,7 +13,7 @@ import csv
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import chain, pairwise
 from multiprocessing import get_context
 from pathlib import Path
 from statistics import mean, median
@@ -114,22 +114,22 @@ def found(image: Picture, clicks: Clicks, box: Iterable[float] | None = None, mo
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lesson:
-    """Images of a set that teach a model of the others, and its file."""
+    """Images of a set that teach a model of the others, and the file for it."""
 
     taught: list[Task]
     others: list[Task]
     path: str
 
-    def learn(self) -> "Lesson":
-        """With the model's file, measured as `ffseg pick` has it measured; without a model that is worse than none, as there."""
+    def learned(self) -> list[Task]:
+        """The others with the model, measured as by `ffseg pick`; without it where it is worse than none, as there."""
         prepare_worker()
         params = load_params()
         labelled = [LabelledImage(one.name, one.image, one.truth, params, None) for one in self.taught]
         model, figures = learn_and_measure(TrainingSet(labelled, [], {}), params, lambda _: None)
         if figures.iou < figures.without:
-            return replace(self, others=[replace(one, model=None) for one in self.others])
+            return self.others
         Path(self.path).write_bytes(to_bytes(model))
-        return self
+        return [replace(one, model=self.path) for one in self.others]
 
 
 def lessons(given: Iterable[Task], count: int, folder: Path) -> Iterator[Lesson]:
@@ -141,7 +141,7 @@ def lessons(given: Iterable[Task], count: int, folder: Path) -> Iterator[Lesson]
         for first in range(0, len(group) - count + 1, count):
             taught = group[first : first + count]
             path = str(folder / f"{name.replace('/', '-')}-{first}.ffmodel")
-            yield Lesson(taught, [replace(one, model=path) for one in group if one not in taught], path)
+            yield Lesson(taught, [one for one in group if one not in taught], path)
 
 
 def tasks(data: Path, count: int, first: int, sealed: bool) -> Iterator[Task]:
@@ -159,14 +159,8 @@ def summary(rows: Iterable[list[object]]) -> Iterator[str]:
     groups: dict[str, list[list[object]]] = {}
     for row in rows:
         groups.setdefault(str(row[0]), []).append(row)
-    heads = [
-        *(f"IoU {n}" for n in AFTER),
-        *(f"NoC {level:.2f}" for level in LEVELS),
-        "lost",
-        "box",
-        "loose box",
-        "edge maps",
-    ]
+    clicks = (*(f"IoU {n}" for n in AFTER), *(f"NoC {level:.2f}" for level in LEVELS))
+    heads = [*clicks, "lost", "box", "loose box", "edge maps"]
     yield "| set | images | " + " | ".join(heads) + " |"
     yield "| --- " * (2 + len(heads)) + "|"
     told = {name: figures(group) for name, group in groups.items()}
@@ -209,8 +203,7 @@ def main(
     # not by fork: threads of OpenCV, which drawing has begun, end with it and leave their locks closed
     with ProcessPoolExecutor(jobs, get_context("spawn")) as pool, TemporaryDirectory() as folder:
         if learned:
-            taught = pool.map(Lesson.learn, lessons(given, learned, Path(folder)))
-            given = [one for lesson in taught for one in lesson.others]
+            given = chain.from_iterable(pool.map(Lesson.learned, lessons(given, learned, Path(folder))))
         rows = list(pool.map(Task.asked, given))
     if out:
         with out.open("w", encoding="utf-8", newline="") as file:

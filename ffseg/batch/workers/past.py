@@ -12,7 +12,7 @@ from ffseg.batch.workers.freshness import JobFiles
 from ffseg.batch.workers.messages import Done, Failed, Reply, Task
 from ffseg.errors import ImageReadError
 from ffseg.image.flow import start_in, steadied_region, warped_region
-from ffseg.image.parts import connected_parts
+from ffseg.image.parts import Parts, connected_parts
 from ffseg.io.files import read_bytes
 from ffseg.io.images import Limits, decode_image
 from ffseg.io.masks import decode_mask
@@ -109,9 +109,9 @@ class PastFrame:
 
 def _boxes_round(region: Mask) -> tuple[Box, ...]:
     """A box round each part of a region, with room for what has moved; none round specks."""
-    labels, found = connected_parts(region).labels, []
-    for x, y, _ in _discs_in(region, region):
-        rows, columns = np.nonzero(labels == labels[int(y), int(x)])
+    parts, found = connected_parts(region), []
+    for x, y, _ in _discs_in(parts, region):
+        rows, columns = np.nonzero(parts.labels == parts.labels[int(y), int(x)])
         left, top, right, bottom = (float(at) for at in (columns.min(), rows.min(), columns.max(), rows.max()))
         room = max(BOX_ROOM * (right - left + bottom - top + 2) / 2, 2.0)
         found.append((left - room, top - room, right + room, bottom + room))
@@ -122,7 +122,7 @@ def _starts_in(region: Mask, count: int) -> tuple[Circle, ...]:
     """So many starts at the deepest places of a region, and at least one in each part: what has met may part again."""
     found, left = list[Circle](), region.copy()
     while left.any() and (not found or len(found) < count):
-        more = _discs_in(left, region)
+        more = _discs_in(connected_parts(left), region)
         if not more:
             break
         found += more[: count - len(found)] if found else more
@@ -133,7 +133,6 @@ def _starts_in(region: Mask, count: int) -> tuple[Circle, ...]:
     return tuple(found)
 
 
-def _discs_in(places: Mask, region: Mask) -> list[Circle]:
-    """A disc in each part of these places, where the region is deepest, if there is room for one."""
-    parts = connected_parts(places)
+def _discs_in(parts: Parts, region: Mask) -> list[Circle]:
+    """A disc in each of these parts, where the region is deepest, if there is room for one."""
     return [one for one in discs(region, parts, np.flatnonzero(parts.areas), np.inf) if one[2] >= 1]
