@@ -121,7 +121,7 @@ class Init(Section):
     )
     circles: tuple[Circle, ...] = declared((), Many(_CIRCLE, _MAX_STARTS), "start circles instead of center, radius")
     boxes: tuple[Box, ...] = declared(
-        (), Many(_BOX, _MAX_STARTS), "boxes round objects: what lies outside all is background"
+        (), Many(_BOX, _MAX_STARTS), "boxes round objects: outside all is background, unless a circle lies there"
     )
     mask: str | None = declared(None, FilePath(), "image whose outlines are the start contours")
     background: tuple[Seed, ...] = declared(

@@ -24,7 +24,7 @@ from ffseg.native import _core
 from ffseg.plugins import EDGE_SOURCES, find, method
 from ffseg.result import Segmentation, Timings
 from ffseg.scene import Scene, check_sides
-from ffseg.starts.initial import box_domain, check_background, start_contours
+from ffseg.starts.initial import box_domain, check_background, circles_beside, start_contours
 from ffseg.starts.moved import as_circle
 
 SETTLING_TOLERANCE = 2
@@ -109,9 +109,10 @@ def with_starts(scene: Scene) -> Scene:
 def with_domain(scene: Scene) -> Scene:
     """The scene with what its boxes hold for a domain; else, where none is given, the valid disc of a mirror or fisheye.
 
-    The disc counts only where every start lies in it.
+    The disc counts only where every start lies in it. Boxes bound nothing where a circle lies in none: it may be to find a thing
+    of its own, or what a box has cut off.
     """
-    if scene.boxes:
+    if scene.boxes and not circles_beside(scene.params.init):
         held = box_domain(scene.boxes, scene.shape)
         return replace(scene, domain=held if scene.domain is None else np.where(held > 0, scene.domain, np.uint8(0)))
     if scene.params.domain.disc == "off" or scene.domain is not None or scene.edges_given:

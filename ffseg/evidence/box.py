@@ -7,7 +7,7 @@ the box. It is part of the package; ``python -m ffseg.learning.grow`` makes it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,7 +30,7 @@ from ffseg.evidence.features import (
 from ffseg.evidence.forest import shipped
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import blurred, logarithm, odds_edges, probability
-from ffseg.evidence.prior import MAX_LOG_ODDS, PIXEL_FEATURES, SMOOTHING, write_pixel_features
+from ffseg.evidence.prior import MAX_LOG_ODDS, PIXEL_FEATURES, SMOOTHING, cautious_prior, write_pixel_features
 from ffseg.evidence.surroundings import (
     COLOURS,
     STRIDE,
@@ -43,12 +43,12 @@ from ffseg.evidence.surroundings import (
 from ffseg.image.edges import EdgeMap
 from ffseg.image.exposure import normalised_exposure
 from ffseg.image.opencv_peers import grabcut_mask
-from ffseg.image.raster import window_of
+from ffseg.image.raster import rasterize, window_of
 from ffseg.image.resized import resized
 from ffseg.native import _core
-from ffseg.parameters import Box
+from ffseg.parameters import Point
 from ffseg.scene import Scene
-from ffseg.starts.initial import box_domain
+from ffseg.starts.initial import box_domain, circle_start
 
 MODEL = Path(__file__).with_name("box.ffmodel")
 
@@ -106,7 +106,8 @@ def box_edges(scene: Scene) -> EdgeMap:
     own = gradient(scene)
     if not scene.boxes:
         raise SegmentationError("edges.source: box needs a box; give one with --box, or set init.boxes")
-    odds = box_odds(scene, looks(scene))
+    seen = looks(scene)
+    odds = box_odds(scene, seen, _beside(scene, seen))
     if scene.clicked_outside or scene.params.init.circles:
         return with_clicks(scene, own, odds)
     return odds_edges(odds, scene.params.region.probability, own, "box")
@@ -117,29 +118,46 @@ Look = tuple[tuple[slice, slice], Plane]
 
 
 def looks(scene: Scene) -> tuple[Look, ...]:
-    """What is seen in each box of a scene."""
-    return tuple(in_box(scene.image, box) for box in scene.boxes)
+    """What is seen in each box of a scene; in one that leaves nothing outside, nothing is."""
+    windows = (window_of(box, scene.shape) for box in scene.boxes)
+    return tuple((window, odds) for window in windows if (odds := in_box(scene.image, window)) is not None)
 
 
-def box_odds(scene: Scene, seen: Iterable[Look]) -> Plane:
+def _beside(scene: Scene, seen: Iterable[Look]) -> Plane | None:
+    """Log odds of what the first circle that no look has seen lies on, shape (H, W), if there is one; the others correct them."""
+    for x, y, radius in scene.params.init.circles:
+        if not any(_in_window((y, x), window) for window, _ in seen):
+            return cautious_prior(scene.image, rasterize([circle_start((x, y, radius), scene.params)], scene.shape))
+    return None
+
+
+def _in_window(place: Point, window: tuple[slice, slice]) -> bool:
+    """Whether the nearest pixel of a place (row, column) lies in rows and columns."""
+    return all(part.start - 0.5 <= at <= part.stop - 0.5 for at, part in zip(place, window, strict=True))
+
+
+def box_odds(scene: Scene, seen: Iterable[Look], beside: Plane | None) -> Plane:
     """Log odds of the objects in the boxes of a scene, from what is seen in each, shape (H, W).
 
-    Those of a pixel in several boxes are the largest; outside all boxes and the domain they are ``-MAX_LOG_ODDS``.
+    Those of a pixel in several boxes are the largest; where none has seen, they are those given `beside` them, or else, as
+    outside the domain, ``-MAX_LOG_ODDS``.
     """
-    odds = np.full(scene.shape, np.float32(-MAX_LOG_ODDS))
+    odds, left = np.full(scene.shape, np.float32(-MAX_LOG_ODDS)), np.ones(scene.shape, np.bool_)
     for window, inside in seen:
         np.maximum(odds[window], inside, out=odds[window])
+        left[window] = False
+    if beside is not None:
+        odds = np.where(left, beside, odds)
     if scene.domain is not None:
         odds[scene.domain == 0] = -MAX_LOG_ODDS
     return odds
 
 
-def with_said(scene: Scene, seen: Sequence[Look], said: Plane) -> Iterator[Look]:
+def with_said(scene: Scene, seen: Iterable[Look], said: Plane) -> Iterator[Look]:
     """What is seen in each box with a model's log odds, shape (H, W), added as far as they tell it from what lies beside it."""
     beside = box_domain(scene.boxes, scene.shape) == 0
     for window, inside in seen:
-        own = np.float32(0) if inside.shape == scene.shape else inside  # a box that is all there is tells nothing
-        yield window, own + np.float32(trust_in(said, window, beside)) * said[window]
+        yield window, inside + np.float32(trust_in(said, window, beside)) * said[window]
 
 
 def trust_in(said: Plane, window: tuple[slice, slice], beside: Mask) -> float:
@@ -161,33 +179,30 @@ def trust_in(said: Plane, window: tuple[slice, slice], beside: Mask) -> float:
     return MODEL_WEIGHT * float(max(0.0, 1 - round_it / in_it) ** MODEL_SHARPNESS)
 
 
-def in_box(image: Image, box: Box) -> Look:
-    """Log odds of the object in a box.
+def in_box(image: Image, window: tuple[slice, slice]) -> Plane | None:
+    """Log odds of the object in a box; None where that leaves nothing outside.
 
     Parameters
     ----------
     image : ndarray of uint8, shape (H, W) or (H, W, 3)
         Grey or BGR.
-    box : tuple of (left, top, right, bottom)
-        Pixels; some pixel centre lies in it.
+    window : tuple of slice
+        Rows and columns of the box, some of each.
 
     Returns
     -------
-    tuple of slice
-        Rows and columns of the box.
     ndarray of float32
-        Logarithm of the odds of belonging to the object, for each pixel of the box; none belongs where the box is all there is.
+        Logarithm of the odds of belonging to the object, for each pixel of the box.
     """
-    window = window_of(box, image.shape)
     view = box_view(image, window)
     if view is None:
-        return window, np.full([part.stop - part.start for part in window], np.float32(-MAX_LOG_ODDS))
+        return None
     model, native = shipped(MODEL, FEATURE_NAMES)
     odds = np.clip(
         model.inside.log_odds(all_planes(view), native) + np.float32(LOG_ODDS_OFFSET), -MAX_LOG_ODDS, MAX_LOG_ODDS
     )
     odds[view.seen.inside[::STRIDE, ::STRIDE] > 0] = -MAX_LOG_ODDS
-    return window, view.enlarged(blurred(_with_cut(odds, image, view), SMOOTHING / STRIDE))
+    return view.enlarged(blurred(_with_cut(odds, image, view), SMOOTHING / STRIDE))
 
 
 def _with_cut(odds: Plane, image: Image, view: BoxView) -> Plane:

@@ -138,6 +138,11 @@ def prior(image: Image, starts: Mask) -> Plane:
     return whole
 
 
+def cautious_prior(image: Image, starts: Mask) -> Plane:
+    """The same less `CAUTION`: the region ends where they are 0."""
+    return prior(image, starts) - np.float32(CAUTION)
+
+
 def start_features(image: Image, starts: Mask, size: int, least: float = MIN_START_RADIUS) -> Features:
     """Features for the prior, from a start that is enlarged to the radius `least` if it is smaller."""
     return features(normalised_exposure(image), starts, size, SHAPELESS_FEATURES, least)
@@ -180,6 +185,4 @@ def with_prior(scene: Scene, image_edges: EdgeMap) -> EdgeMap:
         starts &= domain > 0
     if not starts.any():
         return image_edges
-    odds = prior(scene.image, starts)
-    odds -= np.float32(CAUTION)
-    return odds_edges(odds, scene.params.region.probability, image_edges, "prior")
+    return odds_edges(cautious_prior(scene.image, starts), scene.params.region.probability, image_edges, "prior")

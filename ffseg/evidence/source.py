@@ -86,7 +86,12 @@ def _with_boxes(scene: Scene) -> Callable[[Plane], Plane]:
     from ffseg.evidence.box import box_odds, looks, with_said  # load features of the box's forest
 
     seen = looks(scene)
-    return lambda values: probability(box_odds(scene, with_said(scene, seen, certain_odds(values))))
+
+    def joined(values: Plane) -> Plane:
+        said = certain_odds(values)
+        return probability(box_odds(scene, with_said(scene, seen, said), said))
+
+    return joined
 
 
 def _kept(path: str, arrays: tuple[NDArray[Any], ...], number: float | None, make: Callable[[], Any]) -> Any:  # noqa: ANN401 - as made

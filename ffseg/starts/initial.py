@@ -12,7 +12,7 @@ from ffseg.geometry.freeform import FreeForm
 from ffseg.image.checked import require_size
 from ffseg.image.outlines import outlines
 from ffseg.image.raster import window_of
-from ffseg.parameters import MIN_START_RADIUS, Box, Circle, Parameters
+from ffseg.parameters import MIN_START_RADIUS, Box, Circle, Init, Parameters
 
 MIDDLE_RADIUS_FRACTION = 0.25
 """Radius of the start circle in the middle of a box, as a fraction of the box's shorter side. Used where the evidence
@@ -66,15 +66,25 @@ def start_contours(
         circles = ((*_center(shape, params, center), params.init.radius_in(shape)),)
     for x, y, radius in circles:
         _check_inside((x, y), shape, f"the start circle at ({x:g}, {y:g}), radius {radius:g}")
-        if boxes and not any(x0 <= x <= x1 and y0 <= y <= y1 for x0, y0, x1, y1 in boxes):
-            raise SegmentationError(
-                f"the start circle at ({x:g}, {y:g}) lies in no box; move it into one, or leave it out"
-            )
     for box in boxes:
         _check_box(box, shape)
     if params.contour.balloon < 0 and boxes:  # circles in them are clicks
+        for x, y, _ in circles_beside(params.init):
+            raise SegmentationError(
+                f"the start circle at ({x:g}, {y:g}) lies in no box, and contours that close in begin at boxes; "
+                "move it into one, or leave it out"
+            )
         return tuple(_box(box, params) for box in boxes)
     return tuple(circle_start(circle, params) for circle in circles) or middles(params, shape)
+
+
+def circles_beside(init: Init) -> tuple[Circle, ...]:
+    """Circles whose centre lies in no box, where there are boxes: what these leave out is not all background then."""
+    return tuple(
+        (x, y, radius)
+        for x, y, radius in init.circles
+        if init.boxes and not any(x0 <= x <= x1 and y0 <= y <= y1 for x0, y0, x1, y1 in init.boxes)
+    )
 
 
 def box_domain(boxes: tuple[Box, ...], shape: tuple[int, int]) -> Image:

@@ -162,8 +162,19 @@ def test_two_boxes_hold_two_objects_and_a_circle_in_one_leaves_the_other() -> No
     boxes = [BOX, [115.0, 35.0, 185.0, 105.0]]
     assert ffseg.segment(image, {"init.boxes": boxes}).num_regions == 2
     assert ffseg.segment(image, {"init.boxes": boxes, "init.circles": [[60, 70, 8]]}).num_regions == 2
-    with pytest.raises(SegmentationError, match=r"start circle at \(5, 5\) lies in no box"):
-        ffseg.segment(image, {"init.boxes": boxes, "init.circles": [[5, 5, 2]]})
+    with pytest.raises(SegmentationError, match=r"start circle at \(5, 5\) lies in no box, and .* close in"):
+        ffseg.segment(image, {"init.boxes": boxes, "init.circles": [[5, 5, 2]], "contour.balloon": -1})
+
+
+def test_a_circle_in_no_box_finds_another_object_or_what_a_box_has_cut_off() -> None:
+    """It was refused, and what lay outside all boxes could not be had at all."""
+    image, truth = scene()
+    both = np.maximum(truth, np.roll(truth, 90, axis=1))  # the other disc lies 90 px to the right
+    found = ffseg.segment(image, {"init.boxes": [BOX], "init.circles": [[150, 70, 5]]})
+    assert iou(found.mask, both) > 0.95
+    cut = {"init.boxes": [[*BOX[:2], 70.0, BOX[3]]]}
+    assert iou(ffseg.segment(image, cut).mask, truth) < 0.8
+    assert iou(ffseg.segment(image, cut | {"init.circles": [[80, 70, 3]]}).mask, truth) > 0.95
 
 
 def test_clicks_correct_what_a_box_holds() -> None:
@@ -290,3 +301,10 @@ def test_a_model_that_takes_nothing_beside_a_box_decides_in_it(red: str) -> None
     assert iou(ffseg.segment(image, {"init.boxes": [BOX]}).mask, truth) > 0.95
     half = np.where(np.arange(200) < 60, np.uint8(0), truth)
     assert iou(ffseg.segment(image, {"init.boxes": [BOX], "edges.model": red}).mask, half) > 0.95
+
+
+def test_beside_a_box_that_is_all_there_is_a_circle_is_a_click_as_any() -> None:
+    """Nothing was inside for such a box, and the click got no more than its own disc."""
+    image, truth = scene()
+    found = ffseg.segment(image, {"init.boxes": [[-0.5, -0.5, 199.5, 139.5]], "init.circles": [[60, 70, 5]]})
+    assert iou(found.mask, truth) > 0.9

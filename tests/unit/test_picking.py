@@ -468,7 +468,10 @@ def test_classes_have_folders_of_their_own(tmp_path: Path) -> None:
 
 def test_a_click_in_no_box_is_told_in_pixels_of_the_image() -> None:
     found = OpenImage(np.zeros((900, 1200), np.uint8)).find(
-        ImagePicks(((900.0, 800.0, 9.0),), boxes=((300.0, 300.0, 700.0, 700.0),)), load_params(), None, quick=True
+        ImagePicks(((900.0, 800.0, 9.0),), boxes=((300.0, 300.0, 700.0, 700.0),)),
+        load_params(None, {"contour.balloon": -1}),
+        None,
+        quick=True,
     )
     assert "the start circle at (900, 800) lies in no box" in found.said
 
