@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from ffseg.freespace.window import Link as Link
     from ffseg.geometry.freeform import FreeForm as FreeForm
     from ffseg.image.edges import EdgeMap as EdgeMap
+    from ffseg.image.edges import ScoreCalibration as ScoreCalibration
     from ffseg.image.edges import edge_map as edge_map
     from ffseg.image.own import own_image as own_image
     from ffseg.io.images import Limits as Limits
@@ -86,7 +87,7 @@ _NAMES = {
     "ffseg.result": "Segmentation Timings",
     "ffseg.scene": "Stats Progress Segmenter Outcome Scene",
     "ffseg.plugins": "Method",
-    "ffseg.image.edges": "EdgeMap edge_map",
+    "ffseg.image.edges": "EdgeMap ScoreCalibration edge_map",
     "ffseg.image.own": "own_image",
     "ffseg.geometry.freeform": "FreeForm",
     "ffseg.camera.calibration": "load_camera",

@@ -14,6 +14,7 @@ from ffseg.evidence.surroundings import STRIDE, strided
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import packed_joints
 from ffseg.image.boundary import BORDER_MARGIN
+from ffseg.image.edges import PRIOR_CALIBRATION
 from ffseg.native import _core
 from ffseg.scene import Scene
 
@@ -31,10 +32,6 @@ EARLY_STOPS = ("max_iterations", "budget", "max_patches", "max_points")
 MAX_DOUBTED_SCORE = 0.5
 """Largest score of a region whose start lies on both sides of an edge (either side may be meant), or whose contour was
 stopped early."""
-
-OVERLAP_ODDS_RATIO = 3.25
-"""Odds of the overlap that the prior expects, over the odds of the true IoU: fitted by logistic regression (slope 1.00)
-to 127 drawings that it has not learned from, a dozen of each kind (``python -m tests.campaigns.scoring``)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,20 +58,18 @@ def judge_region(
 ) -> tuple[float, tuple[Doubt, ...]]:
     """Score of a region, and the reasons to doubt it.
 
-    The score is the overlap expected by the evidence or, without evidence, the fraction of the boundary on clear edges.
+    The score is the IoU to expect by the evidence or, without evidence, the fraction of the boundary on clear edges.
     Each doubt limits it.
     """
     domain = scene.disc if scene.domain is None else scene.domain
     doubts = tuple(_doubts(found, contours, mask, domain))
-    odds = found.scene.edges.odds
-    overlap = None if odds is None else expected_overlap(strided(odds), mask[::STRIDE, ::STRIDE])
-    sure = found.boundary_of(contours).clear_share() if overlap is None else calibrated(overlap)
+    edges = found.scene.edges
+    if edges.odds is None:
+        sure = found.boundary_of(contours).clear_share()
+    else:
+        overlap = expected_overlap(strided(edges.odds), mask[::STRIDE, ::STRIDE])
+        sure = (edges.calibration or PRIOR_CALIBRATION).iou(overlap)
     return min([sure, *(doubt.most for doubt in doubts)]), doubts
-
-
-def calibrated(overlap: float) -> float:
-    """Mean IoU of the results for which the prior expects this overlap."""
-    return overlap / (overlap + OVERLAP_ODDS_RATIO * (1 - overlap))
 
 
 def _doubts(found: ContourResult, contours: tuple[FreeForm, ...], mask: Mask, domain: Image | None) -> Iterator[Doubt]:

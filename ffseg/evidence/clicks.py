@@ -25,7 +25,7 @@ from ffseg.evidence.maps import expected_overlap, log_odds, odds_edges
 from ffseg.evidence.prior import MAX_LOG_ODDS
 from ffseg.evidence.recent import Recent, digest_of
 from ffseg.evidence.surroundings import STRIDE, strided
-from ffseg.image.edges import EdgeMap
+from ffseg.image.edges import PRIOR_CALIBRATION, EdgeMap, ScoreCalibration
 from ffseg.image.free import distances
 from ffseg.image.opencv_peers import dilated_by_disc
 from ffseg.image.parts import parts_holding
@@ -185,7 +185,11 @@ def hint_edges(scene: Scene) -> EdgeMap:
 
 
 def with_clicks(
-    scene: Scene, own: EdgeMap, base: Plane | None = None, ask: Callable[[Mask], Plane] | None = None
+    scene: Scene,
+    own: EdgeMap,
+    base: Plane | None = None,
+    ask: Callable[[Mask], Plane] | None = None,
+    calibration: ScoreCalibration = PRIOR_CALIBRATION,
 ) -> EdgeMap:
     """Edges where the evidence falls to ``region.probability``; the image's own if both sides show the same colours.
 
@@ -196,6 +200,8 @@ def with_clicks(
         boxes, they are not used if the first start lies wholly outside the region that they give.
     ask : callable, optional
         Gives the base from another start region, if it depends on that.
+    calibration : ScoreCalibration
+        What the base promises.
 
     Raises
     ------
@@ -215,7 +221,7 @@ def with_clicks(
     if base is None and len(circles) >= MOST_CORRECTIONS and not scene.clicked_outside:
         first, circles = inside, []
     if base is not None and not scene.boxes and first.any() and base[first].max() <= level:
-        base = ask = None
+        base, ask, calibration = None, None, PRIOR_CALIBRATION
     odds, kept = base, None
     if first.any():
         beyond = np.zeros_like(inside) if scene.background is None else scene.background > 0
@@ -230,7 +236,8 @@ def with_clicks(
     edges = odds_edges(odds, params.region.probability, own, "hints")
     if edges is own:
         return own
-    edges = replace(edges, kept=kept)
+    corrections = len(circles) + len(points) + (scene.background is not None)
+    edges = replace(edges, kept=kept, calibration=calibration.after(corrections))
     if not outside.any():
         return edges
     free = ~outside if within is None else ~outside & within

@@ -21,7 +21,7 @@ from ffseg.evidence.maps import LEVEL, at_level, certain_odds, evidence_edges, p
 from ffseg.evidence.prior import prior
 from ffseg.evidence.recent import Recent, digest_of
 from ffseg.image.checked import require_size
-from ffseg.image.edges import EdgeMap
+from ffseg.image.edges import PRIOR_CALIBRATION, EdgeMap, ScoreCalibration
 from ffseg.image.parts import connected_parts
 from ffseg.image.raster import rasterize
 from ffseg.io.files import printable, read_bytes
@@ -66,9 +66,9 @@ def model_edges(scene: Scene) -> EdgeMap:
     path = scene.params.edges.model
     if path is None:
         raise ParameterError("edges.source: model needs a model; set edges.model to a file")
-    own, joined = gradient(scene), _with_boxes(scene)
+    own, (joined, boxed) = gradient(scene), _with_boxes(scene)
     if path.endswith(NETWORK_SUFFIX):
-        return _edges(scene, joined(_network_map(scene, path)), own, "model")
+        return _edges(scene, joined(_network_map(scene, path)), own, "model", boxed)
 
     model, native = ready(path)
 
@@ -76,14 +76,15 @@ def model_edges(scene: Scene) -> EdgeMap:
         make = partial(model_odds, model, scene.image, start, native)
         return joined(_kept(path, (scene.image, start), None, make) if scene.has_hints else make())
 
-    return _edges(scene, say(_before_clicks(scene)), own, "model", lambda start: certain_odds(say(start)))
+    promised = boxed or model.calibration
+    return _edges(scene, say(_before_clicks(scene)), own, "model", promised, lambda start: certain_odds(say(start)))
 
 
-def _with_boxes(scene: Scene) -> Callable[[Plane], Plane]:
-    """What joins a model's probabilities of inside with what is seen in the boxes of a scene, shape (H, W) both."""
+def _with_boxes(scene: Scene) -> tuple[Callable[[Plane], Plane], ScoreCalibration | None]:
+    """What joins a model's probabilities of inside with what is seen in boxes, shape (H, W) both, and what that promises."""
     if not scene.boxes or scene.params.edges.evidence == "edges":
-        return lambda values: values
-    from ffseg.evidence.box import box_odds, looks, with_said  # load features of the box's forest
+        return (lambda values: values), None
+    from ffseg.evidence.box import CALIBRATION, box_odds, looks, with_said  # load features of the box's forest
 
     seen = looks(scene)
 
@@ -91,7 +92,7 @@ def _with_boxes(scene: Scene) -> Callable[[Plane], Plane]:
         said = certain_odds(values)
         return probability(box_odds(scene, with_said(scene, seen, said), said))
 
-    return joined
+    return joined, CALIBRATION
 
 
 def _kept(path: str, arrays: tuple[NDArray[Any], ...], number: float | None, make: Callable[[], Any]) -> Any:  # noqa: ANN401 - as made
@@ -146,13 +147,19 @@ def map_edges(scene: Scene) -> EdgeMap:
 
 
 def _edges(
-    scene: Scene, values: Plane, own: EdgeMap, source: str, ask: Callable[[Mask], Plane] | None = None
+    scene: Scene,
+    values: Plane,
+    own: EdgeMap,
+    source: str,
+    calibration: ScoreCalibration | None = None,
+    ask: Callable[[Mask], Plane] | None = None,
 ) -> EdgeMap:
     if scene.params.edges.evidence == "edges":
         return strength_edges(values, own)
     if scene.has_hints:
-        return with_clicks(scene, own, certain_odds(values), ask)
-    return evidence_edges(at_level(values, scene.params.region.probability), own, source)
+        return with_clicks(scene, own, certain_odds(values), ask, calibration or PRIOR_CALIBRATION)
+    edges = evidence_edges(at_level(values, scene.params.region.probability), own, source)
+    return edges if edges is own else replace(edges, calibration=calibration)
 
 
 def with_model_start(image: Image, params: Parameters, background: Image | None = None) -> Parameters:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
+from math import exp
 from statistics import mean, pstdev, stdev
 
 import numpy as np
@@ -14,9 +15,10 @@ from ffseg.batch.plan.sources import InputImage
 from ffseg.batch.workers.pictures import read_source
 from ffseg.errors import ImageReadError, SegmentationError, UsageError
 from ffseg.evidence.features import ALL_FEATURES, features
-from ffseg.evidence.forest import Model
+from ffseg.evidence.forest import MODEL_ODDS_RATIO, UNMEASURED, Model
 from ffseg.evidence.prior import prior
 from ffseg.evidence.source import model_odds, model_start
+from ffseg.image.edges import PRIOR_CALIBRATION, ScoreCalibration
 from ffseg.image.exposure import normalised_exposure
 from ffseg.io.files import printable
 from ffseg.io.tables import counted, without_nan
@@ -41,6 +43,12 @@ MIN_WORTH = 0.005
 
 MIN_STANDARD_ERRORS = 2.0
 """Standard errors that a model's figure must be above the figure without it to be called better."""
+
+BESIDE = 0.9
+"""Promised overlap of the image that is counted beside those left out: of a few, luck alone tells little."""
+
+MAX_LOG_RATIO = 10.0
+"""Largest logarithm of a ratio that is fitted, either way."""
 
 MAX_UNMARKED = 200
 """Images without a mask that are looked at to name the next."""
@@ -76,6 +84,8 @@ class CrossValidation:
         Whether the starts of some images are looked for; without a model they are grown from the middle then.
     order : tuple of str
         Images without a mask, those the model is least sure of first; `following` is the first.
+    odds_ratio : float
+        Odds of the overlap that the model promises over the odds of the IoU on images left out: what its scores are made with.
     """
 
     masks: int
@@ -92,6 +102,7 @@ class CrossValidation:
     known: float = 1.0
     searched: bool = False
     order: tuple[str, ...] = ()
+    odds_ratio: float = MODEL_ODDS_RATIO
 
 
 def learn_and_measure(
@@ -141,28 +152,50 @@ def _figures(labelled: Sequence[LabelledImage], chosen: Sequence[Samples], tell:
     count = len(labelled)
     if count < 2:
         return _unmeasured(count)
-    own, other = [0.0] * count, [0.0] * count
+    own, other, promises = [0.0] * count, [0.0] * count, dict[int, float]()
     folds = [range(part, count, min(FOLDS, count)) for part in range(min(FOLDS, count))]
     for number, fold in enumerate(folds):
         searched = any(labelled[i].start is None for i in fold)
         model = learn([chosen[i] for i in range(count) if i not in fold], searched=searched)
         for i in fold:
-            own[i] = _overlap(labelled[i], model)
-            other[i] = _overlap(labelled[i], None)
+            own[i], promise = _overlap(labelled[i], model)
+            other[i], _ = _overlap(labelled[i], None)
+            if promise is not None:
+                promises[i] = promise
         tell(f"left out part {number + 1} of {len(folds)}: IoU {mean(own[i] for i in fold):.3f}")
     gains = [a - b for a, b in zip(own, other, strict=True)]
     helps = mean(gains) > MIN_STANDARD_ERRORS * stdev(gains) / len(gains) ** 0.5
     curve = _curve(labelled, chosen)
     more = _worth_drawing(curve, count)
-    return CrossValidation(count, mean(own), pstdev(own), mean(other), pstdev(other), helps, curve, more)
+    ratio = fitted_ratio(list(promises.values()), [own[i] for i in promises])
+    return CrossValidation(
+        count, mean(own), pstdev(own), mean(other), pstdev(other), helps, curve, more, odds_ratio=ratio
+    )
+
+
+def fitted_ratio(promised: Sequence[float], found: Sequence[float]) -> float:
+    """The ratio by which promised overlaps become, in the mean, the IoU found: logistic regression with a slope of one.
+
+    One image is counted beside these, of which as much was found as is where a model that was not measured promises `BESIDE`.
+    """
+    pairs = [*zip(promised, found, strict=True), (BESIDE, UNMEASURED.iou(BESIDE))]
+    low, high = -MAX_LOG_RATIO, MAX_LOG_RATIO
+    for _ in range(40):
+        middle = (low + high) / 2
+        calibration = ScoreCalibration(1.0, exp(middle))
+        if sum(calibration.iou(overlap) - iou for overlap, iou in pairs) > 0:
+            low = middle
+        else:
+            high = middle
+    return exp((low + high) / 2)
 
 
 def _without_model(params: Parameters) -> Parameters:
     return replace(params, edges=replace(params.edges, model=None))
 
 
-def _overlap(one: LabelledImage, model: Model | None) -> float:
-    """IoU of the contour on an image, with a model's probabilities or without a model."""
+def _overlap(one: LabelledImage, model: Model | None) -> tuple[float, float | None]:
+    """IoU of the contour on an image, with a model's probabilities or without a model, and what these promised of it."""
     params, start = _without_model(one.params), one.start
     if start is None and model is not None:
         circle = model_start(one.image, model, params.init.radius_in(one.image.shape))
@@ -171,11 +204,14 @@ def _overlap(one: LabelledImage, model: Model | None) -> float:
     return _contoured(one, params, None if model is None or start is None else model_odds(model, one.image, start))
 
 
-def _contoured(one: LabelledImage, params: Parameters, evidence: Plane | None) -> float:
+def _contoured(one: LabelledImage, params: Parameters, evidence: Plane | None) -> tuple[float, float | None]:
+    """IoU of the contour by some evidence, and what that promised of it, if it has decided and nothing else is doubted."""
     try:
-        return iou(segment(Scene(one.image, params, evidence=evidence, **one.masks.bounds)).mask, one.truth)
+        found = segment(Scene(one.image, params, evidence=evidence, **one.masks.bounds))
     except SegmentationError:
-        return 0.0
+        return 0.0, None
+    promise = PRIOR_CALIBRATION.overlap(found.score) if found.source == "evidence" and not found.doubts else None
+    return iou(found.mask, one.truth), promise
 
 
 def _curve(labelled: Sequence[LabelledImage], chosen: Sequence[Samples]) -> tuple[tuple[int, float], ...]:
@@ -201,7 +237,8 @@ def _curve(labelled: Sequence[LabelledImage], chosen: Sequence[Samples]) -> tupl
             drawn = rng.permutation(count)
             model = grown([chosen[i] for i in drawn[:number]], CURVE_TREES)
             tested = drawn[number:][:MAX_TESTED]
-            found += [_contoured(labelled[i], labelled[i].params, model.map(seen[i], prior=odds[i])) for i in tested]
+            maps = ((labelled[i], model.map(seen[i], prior=odds[i])) for i in tested)
+            found += [_contoured(one, one.params, evidence)[0] for one, evidence in maps]
         points.append((number, round(mean(found), 4)))
     return tuple(points)
 

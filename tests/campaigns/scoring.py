@@ -1,57 +1,112 @@
-"""How true the score is on drawings that the prior has not learned from: ``python -m tests.campaigns.scoring [--looks 12]``.
+"""How true the score is on drawings that nothing was learned from: ``python -m tests.campaigns.scoring [--looks 12]``.
 
 Segments so many looks at each kind that ``ffseg.learning.drawn`` draws, of numbers far beyond those it learned from, with the
-defaults. Says for each kind the mean IoU and the mean score, for all of them the Spearman correlation of both, and by what the
-odds of the overlap that the prior promises must be divided (`ffseg.judge.OVERLAP_ODDS_RATIO`): a logistic regression of the IoU.
+defaults: from its start, from one to five clicks of a simulated user, and from boxes round it as tight as they can be, as a
+quick hand draws them, and too large. Says of each the mean IoU, the mean score, their Spearman correlation, and how many results
+with a score of .9 have an IoU below .5; then, of the prior and of boxes, the slope and the ratio (`ffseg.image.edges`) that
+a logistic regression of the IoU on the overlap they promise gives: where what is in use came from.
 """
 
 from collections.abc import Iterator
 from dataclasses import replace
 from statistics import mean
 
+import cv2
 import numpy as np
 
 from ffseg.api import segment
+from ffseg.evidence.box import CALIBRATION
+from ffseg.image.edges import PRIOR_CALIBRATION, ScoreCalibration
 from ffseg.io.images import prepare_worker
-from ffseg.judge import OVERLAP_ODDS_RATIO
-from ffseg.learning.drawn.sights import KINDS, sights
-from ffseg.metrics import iou
-from ffseg.parameters import load_params
+from ffseg.learning.drawn.clicks import Clicks
+from ffseg.learning.drawn.sights import KINDS, Sight, sights
+from ffseg.metrics import INSIDE, iou
+from ffseg.parameters import Init, load_params
+from ffseg.result import Segmentation
+from ffseg.starts.initial import click_radius
 from tests.campaigns import harness
 from tests.campaigns.real_sets import spearman
 
 UNSEEN = 100_000
 """Number of the first picture."""
+MOST_CLICKS = 5
+WIDE = 0.6
+"""Part of a picture up to which the box of a truth says something."""
+BOXES = {"tight box": (0.0, 0.0), "quick box": (-0.02, 0.1), "loose box": (0.05, 0.2)}
+"""By how much each side lies further out, in parts of the mean of the box's sides."""
+SURE, WRONG = 0.9, 0.5
+
+Outcome = tuple[str, float, float, bool]
+"""Evidence source, score, IoU, and whether anything else is doubted."""
 
 
-def outcomes(kind: str, looks: int) -> Iterator[tuple[str, float, float]]:
-    """Evidence source, score and IoU of each look at a kind."""
-    params = load_params()
-    for seen in sights(kind, looks, UNSEEN):
-        x, y, radius = seen.start
-        found = segment(seen.image, replace(params, init=replace(params.init, center=(x, y), radius=radius)))
-        yield found.source, found.score, iou(found.mask, seen.truth)
+def outcomes(seen: Sight, number: int) -> Iterator[tuple[str, Outcome]]:
+    """What was given, and what came of it."""
+    x, y, radius = seen.start
+    yield "start", _judged(_found(seen, Init(center=(x, y), radius=radius)), seen)
+    clicks, mask = Clicks(), np.zeros(seen.truth.shape, np.bool_)
+    for count in range(1, MOST_CLICKS + 1):
+        clicks = clicks.next(mask, seen.truth, click_radius(seen.truth.shape))
+        found = _found(seen, Init(circles=clicks.inside, background=clicks.outside))
+        mask = found.mask
+        yield f"click {count}", _judged(found, seen)
+    left, top, width, height = cv2.boundingRect((seen.truth == INSIDE).astype(np.uint8))
+    if width * height < WIDE * seen.truth.size:
+        rng = np.random.default_rng(number)
+        for name, limits in BOXES.items():
+            more = rng.uniform(*limits, 4) * (width + height) / 2
+            sides = np.array([left, top, left + width, top + height]) - 0.5 + np.array([-1, -1, 1, 1]) * more
+            a, b, c, d = map(float, sides)
+            yield name, _judged(_found(seen, Init(boxes=((a, b, c, d),))), seen)
 
 
-def odds_ratio(scores: list[float], overlaps: list[float]) -> float:
-    """What the odds of the promises must be divided by, from scores that `OVERLAP_ODDS_RATIO` made of them: Newton's method."""
-    promised = np.clip(np.array(scores), 1e-3, 1 - 1e-3)
-    odds, shift = np.log(promised / (1 - promised)) + np.log(OVERLAP_ODDS_RATIO), 0.0
+def _found(seen: Sight, init: Init) -> Segmentation:
+    return segment(seen.image, replace(load_params(), init=init))
+
+
+def _judged(found: Segmentation, seen: Sight) -> Outcome:
+    return found.source, found.score, iou(found.mask, seen.truth), bool(found.doubts)
+
+
+def regression(overlaps: list[float], found: list[float]) -> tuple[float, float]:
+    """Slope and ratio by which promised overlaps become the IoU found: logistic regression by Newton's method."""
+    promised = np.clip(overlaps, 1e-3, 1 - 1e-3)
+    odds = np.log(promised / (1 - promised))
+    inputs, weights = np.stack([np.ones_like(odds), odds - odds.mean()], axis=1), np.array([0.0, 1.0])
     for _ in range(50):
-        expected = 1 / (1 + np.exp(shift - odds))
-        shift += float((expected - overlaps).sum() / (expected * (1 - expected)).sum())
-    return float(np.exp(shift))
+        expected = 1 / (1 + np.exp(-inputs @ weights))
+        curvature = (inputs * (expected * (1 - expected))[:, None]).T @ inputs
+        weights += np.clip(np.linalg.solve(curvature, inputs.T @ (np.array(found) - expected)), -0.5, 0.5)
+    return float(weights[1]), float(np.exp(weights[1] * odds.mean() - weights[0]))
+
+
+def fitted(rows: list[Outcome], used: ScoreCalibration) -> str:
+    """What a regression gives for results that were decided by one calibration, and doubted for nothing else."""
+    slope, ratio = regression([used.overlap(row[1]) for row in rows], [row[2] for row in rows])
+    return f"{len(rows)} results, slope {slope:.2f} ({used.slope:g} in use), ratio {ratio:.2f} ({used.ratio:g} in use)"
 
 
 def main(looks: int = 12) -> int:
     """Print the figures."""
     prepare_worker()
-    found = {kind: list(outcomes(kind, looks)) for kind in KINDS}
-    for kind, rows in found.items():
-        print(f"{kind}: IoU {mean(row[2] for row in rows):.3f}, score {mean(row[1] for row in rows):.3f}")
-    scores, overlaps = ([row[at] for rows in found.values() for row in rows if row[0] == "prior"] for at in (1, 2))
-    print(f"prior: {len(scores)} results, IoU {mean(overlaps):.3f}, score {mean(scores):.3f}", end=", ")
-    print(f"Spearman {spearman(scores, overlaps):.2f}, odds ratio {odds_ratio(scores, overlaps):.2f}")
+    rows: dict[str, list[Outcome]] = {}
+    for kind in KINDS:
+        for number, seen in enumerate(sights(kind, looks, UNSEEN)):
+            for name, outcome in outcomes(seen, number):
+                rows.setdefault(name, []).append(outcome)
+    print("| given | results | IoU | score | Spearman | sure and wrong |\n| --- | --- | --- | --- | --- | --- |")
+    for name, found in rows.items():
+        scores, overlaps = [row[1] for row in found], [row[2] for row in found]
+        wrong = sum(score >= SURE and overlap < WRONG for score, overlap in zip(scores, overlaps, strict=True))
+        print(
+            f"| {name} | {len(found)} | {mean(overlaps):.3f} | {mean(scores):.3f} | {spearman(scores, overlaps):.2f} | {wrong} |"
+        )
+    by = {
+        "prior": (rows["start"], PRIOR_CALIBRATION),
+        "box": ([one for name in BOXES for one in rows[name]], CALIBRATION),
+    }
+    for source, (found, used) in by.items():
+        print(f"{source}: {fitted([row for row in found if row[0] == source and not row[3]], used)}")
     return 0
 
 

@@ -16,6 +16,7 @@ from types import ModuleType
 
 import pytest
 
+from ffseg.image.edges import PRIOR_CALIBRATION, ScoreCalibration
 from tests.campaigns import harness
 
 UNIT = Path(__file__).resolve().parents[1] / "unit"
@@ -69,7 +70,9 @@ RULES = (
     Rule("the region fills its domain", "judge.py", {"FILLED_FRACTION": inf}, _JUDGE),
     Rule("the outline is the border", "judge.py", {"BORDER_FRACTION": inf}, _JUDGE),
     Rule("early and across bound the score", "judge.py", {"MAX_DOUBTED_SCORE": 1.0}, _JUDGE),
-    Rule("the score is calibrated", "judge.py", {"OVERLAP_ODDS_RATIO": 1.0}, _JUDGE),
+    Rule("the score is calibrated", "image/edges.py", {"PRIOR_CALIBRATION": ScoreCalibration(1.0, 1.0)}, _JUDGE),
+    Rule("in boxes, too", "evidence/box.py", {"CALIBRATION": PRIOR_CALIBRATION}, _JUDGE),
+    Rule("clicks take doubts away", "image/edges.py", {"CLICK_WEIGHT": 0.0}, _JUDGE),
 )  # fmt: skip
 """Each rule of the default path, and how it is turned off."""
 

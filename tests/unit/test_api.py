@@ -462,6 +462,7 @@ LINES = ffseg.edge_map(DISC, ffseg.Edges())
         ({"gradient": LINES.gradient.astype(">u2")}, "gradient is >u2 of shape"),
         ({"odds": np.zeros(3)}, "odds is float64 of shape"),
         ({"thresholds": None}, "thresholds are None"),
+        ({"calibration": (1.0, 3.0)}, "calibration is tuple; give an ffseg.ScoreCalibration"),
     ],
 )
 def test_an_edge_map_of_something_else_is_refused(changes: dict[str, Any], sentence: str, monkeypatch) -> None:

@@ -13,7 +13,7 @@ from tiny_onnx import pointwise
 
 import ffseg
 from ffseg.errors import ParameterError, SegmentationError
-from ffseg.evidence.forest import Model, to_bytes
+from ffseg.evidence.forest import MODEL_ODDS_RATIO, Model, to_bytes
 from ffseg.evidence.source import check_model, model_start, with_model_start
 from ffseg.metrics import iou
 from ffseg.parameters import load_params
@@ -56,6 +56,20 @@ def test_a_forest_stops_the_contour_where_it_says(forest: str) -> None:
     image, truth = red_disc()
     assert iou(ffseg.segment(image, START).mask, truth) < 0.8, "the line across stops what knows only edges"
     assert iou(ffseg.segment(image, {**START, "edges.model": forest}).mask, truth) > 0.97
+
+
+@pytest.mark.parametrize("written", [0.0, -1.0, True, "2", None, [2.0]])
+def test_a_model_is_as_sure_as_images_left_out_say(forest: str, written: object) -> None:
+    image, truth = red_disc()
+    red, scores = stump("red@1.5", 20.0, 4), []
+    for ratio in (1.0, 4.0, MODEL_ODDS_RATIO, written):
+        Path(forest).write_bytes(to_bytes(Model(red, red, about={"odds_ratio": ratio})))
+        found = ffseg.segment(image, {**START, "edges.model": forest})
+        assert iou(found.mask, truth) > 0.97
+        scores.append(found.score)
+    first, second, unmeasured, refused = scores
+    assert first / (1 - first) == pytest.approx(4 * second / (1 - second))
+    assert refused == unmeasured < second
 
 
 def test_a_forest_finds_the_start(forest: str) -> None:

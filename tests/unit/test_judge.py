@@ -10,8 +10,10 @@ import pytest
 from commands import Command
 
 import ffseg
+from ffseg.learning.drawn.clicks import Clicks
 from ffseg.learning.drawn.sights import KINDS, sights
-from ffseg.metrics import iou
+from ffseg.metrics import INSIDE, iou
+from ffseg.starts.initial import click_radius
 from tests.scenes import START, START_RADIUS, scene
 
 
@@ -75,6 +77,15 @@ def test_a_contour_that_was_stopped_is_doubted() -> None:
     assert "stopped after 5 iterations" in "".join(found.messages)
 
 
+def test_nearly_done_is_not_done() -> None:
+    """What lies below is as a map says, but the contour has not come to rest: the score was .91."""
+    y, x = np.indices((200, 240))
+    said = np.where(np.hypot(x - 120, y - 100) < 60, np.float32(0.97), np.float32(0.03))
+    params = {"init.center": [120, 100], "init.radius": 10, "contour.max_iterations": 8}
+    found = ffseg.segment(np.full((200, 240), 120, np.uint8), params, evidence=said)
+    assert (found.doubts, found.score) == (("early",), 0.5)
+
+
 def test_the_given_domain_counts_and_not_what_rivals_leave() -> None:
     domain = np.zeros((480, 640), np.uint8)
     domain[150:330, 200:440] = 255
@@ -106,6 +117,33 @@ def test_the_score_is_the_iou_in_the_mean_of_drawings() -> None:
             found = ffseg.segment(seen.image, {"init.center": [x, y], "init.radius": radius})
             apart.append(found.score - iou(found.mask, seen.truth))
     assert abs(np.mean(apart)) < 2 * 0.2 / np.sqrt(len(apart))
+
+
+def test_clicks_make_surer_as_they_make_better() -> None:
+    """After three clicks 22 results had a score of .72 for an IoU of .84; the IoU differs from the score by .15."""
+    apart = []
+    for kind in KINDS:
+        for seen in sights(kind, 2, 100_000):
+            clicks, found = Clicks(), None
+            for _ in range(3):
+                mask = np.zeros(seen.truth.shape, np.bool_) if found is None else found.mask
+                clicks = clicks.next(mask, seen.truth, click_radius(mask.shape))
+                init = {"init.circles": clicks.inside, "init.background": clicks.outside}
+                found = ffseg.segment(seen.image, init)
+            assert found is not None
+            apart.append(found.score - iou(found.mask, seen.truth))
+    assert abs(np.mean(apart)) < 2 * 0.15 / np.sqrt(len(apart))
+
+
+def test_what_a_box_is_too_large_for_does_not_look_sure() -> None:
+    """A box a third of its side too large on each side, in which something else is found: the score was .91."""
+    seen = next(sights("organ", 1, 100_000))
+    x, y, width, height = cv2.boundingRect((seen.truth == INSIDE).astype(np.uint8))
+    more = 0.35 * (width + height) / 2
+    box = [x - 0.5 - more, y - 0.5 - more, x + width - 0.5 + more, y + height - 0.5 + more]
+    found = ffseg.segment(seen.image, {"init.boxes": [box]})
+    assert iou(found.mask, seen.truth) < 0.5
+    assert found.score < 0.87
 
 
 def test_a_run_says_how_many_are_doubtful(ffseg_command: Command, tmp_path: Path) -> None:

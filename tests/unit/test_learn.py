@@ -9,11 +9,11 @@ import pytest
 from commands import Command
 
 from ffseg.cli.commands.learn import sentences
-from ffseg.evidence.forest import load_model, to_bytes
+from ffseg.evidence.forest import MODEL_ODDS_RATIO, load_model, to_bytes
 from ffseg.evidence.source import model_odds
 from ffseg.learning import learn as learning
 from ffseg.learning.gather import gather
-from ffseg.learning.learn import CrossValidation, _worth_drawing, learn_and_measure
+from ffseg.learning.learn import CrossValidation, _worth_drawing, fitted_ratio, learn_and_measure
 from ffseg.learning.training import BaseChoice, Example, PriorChoice, grown, samples
 from ffseg.parameters import load_params
 from tests.discs import disc_of
@@ -55,6 +55,10 @@ def test_learn_then_run(folder: Path, ffseg_command: Command) -> None:
     assert [number for number, _ in told["curve"]] == [1, 2]
     about = load_model(model).about
     assert (about["images"], about["base"]) == (["0.png", "1.png", "2.png"], told["base"])
+    assert (load_model(model).calibration.ratio, about["odds_ratio"]) == (told["odds_ratio"],) * 2
+    assert (
+        0.05 < told["odds_ratio"] < MODEL_ODDS_RATIO
+    )  # it does well, and three images and one beside them tell little
     assert about["prior"] == told["prior"]
     assert told["prior"]["asked"] is (told["prior"]["both"] > told["prior"]["taught"])
     assert told["base"]["corrected"] is (told["base"]["base"] >= told["base"]["enough"])
@@ -63,6 +67,13 @@ def test_learn_then_run(folder: Path, ffseg_command: Command) -> None:
     assert json.loads(ffseg_command(*run).stdout)["counts"]["unchanged"] == 5
     model.write_bytes(b"not a model")
     assert "green.ffmodel" in ffseg_command(*run, code=2).stderr
+
+
+def test_the_ratio_is_that_of_which_the_mean_comes_out_and_of_none_that_of_the_unmeasured() -> None:
+    assert fitted_ratio([], []) == pytest.approx(MODEL_ODDS_RATIO)
+    promised, found = [0.9] * 400, [0.9] * 300 + [0.1] * 100
+    assert fitted_ratio(promised, found) == pytest.approx(9 / (0.7 / 0.3), rel=0.01)
+    assert fitted_ratio([1.0, 0.0], [0.0, 1.0]) > 0
 
 
 def test_without_starts_the_model_finds_them(folder: Path) -> None:

@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 
 from ffseg.api import segment
 from ffseg.contour import run
+from ffseg.errors import ParameterError
 from ffseg.evidence import auto
 from ffseg.evidence.maps import expected_overlap
 from ffseg.evidence.prior import FEATURE_NAMES, MAX_LOG_ODDS, MIN_START_RADIUS, all_planes, prior, start_features
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image import boundary
 from ffseg.image.boundary import Boundary
-from ffseg.image.edges import GRADIENT_SCALE, EdgeMap, edge_map
+from ffseg.image.edges import GRADIENT_SCALE, OVERLAP_ODDS_RATIO, PRIOR_CALIBRATION, EdgeMap, ScoreCalibration, edge_map
 from ffseg.image.exposure import MEAN_LEVEL, normalised_exposure
 from ffseg.image.free import distances
 from ffseg.io.masks import encode_png
-from ffseg.judge import OVERLAP_ODDS_RATIO, calibrated
 from ffseg.learning.drawn.sights import Sight, sights
 from ffseg.metrics import iou
 from ffseg.native import _core
@@ -157,9 +157,21 @@ def test_expected_overlap_against_its_definition() -> None:
 def test_a_promise_is_sobered_by_its_odds() -> None:
     promised = np.linspace(0, 0.99, 34)
     odds = [p / (1 - p) for p in promised]
-    for least, own in zip((calibrated(float(p)) for p in promised), odds, strict=True):
+    for least, own in zip((PRIOR_CALIBRATION.iou(float(p)) for p in promised), odds, strict=True):
         assert least / (1 - least) == pytest.approx(own / OVERLAP_ODDS_RATIO, rel=1e-9)
-    assert calibrated(1.0) == 1.0
+    assert PRIOR_CALIBRATION.iou(1.0) == 1.0
+
+
+def test_a_calibration_goes_both_ways_and_clicks_take_its_doubts_away() -> None:
+    for used in (PRIOR_CALIBRATION, ScoreCalibration(0.5, 9.0), ScoreCalibration(1.0, 0.5)):
+        assert [used.overlap(used.iou(p)) for p in (0.0, 0.3, 0.9, 1.0)] == pytest.approx([0.0, 0.3, 0.9, 1.0])
+        assert used.after(0) == used
+        far = [abs(used.after(clicks).iou(0.8) - 0.8) for clicks in (0, 1, 2, 5, 50)]
+        assert far == sorted(far, reverse=True)
+        assert far[-1] < 0.03
+    for slope, ratio in ((0.0, 1.0), (1.0, -2.0), (1.0, float("inf")), (float("nan"), 1.0)):
+        with pytest.raises(ParameterError, match="give numbers above 0"):
+            ScoreCalibration(slope, ratio)
 
 
 def test_nothing_to_ask_of_an_even_image() -> None:
