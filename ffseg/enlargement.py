@@ -20,14 +20,20 @@ def before_enlargement(scene: Scene) -> Scene:
     """The scene at the size that its image had before an enlargement by an integer factor; else unchanged.
 
     Interpolated pixels carry no information. The image is used as it is if more than masks is given at its size: edges,
-    maps, models, camera measurements, or lengths in pixels other than the defaults.
+    maps, models, camera measurements, or lengths in pixels other than the defaults. So is a draft: it is a reduced copy itself.
     """
     params = scene.params
     at_its_size = (
         scene.edges_given or scene.evidence is not None or scene.footprint is not None or len(scene.altitudes) > 0
     )
     as_printed = scene.method is not None and bool(scene.method.source)
-    if at_its_size or as_printed or params.edges.model is not None or _lengths(params) != DEFAULT_LENGTHS:
+    if (
+        scene.draft
+        or at_its_size
+        or as_printed
+        or params.edges.model is not None
+        or _lengths(params) != DEFAULT_LENGTHS
+    ):
         return scene
     smallest = min((abs(start.signed_area) for start in scene.starts), default=0.0)
     factor, image = magnification(scene.image, sqrt(smallest / pi) / MIN_START_RADIUS)

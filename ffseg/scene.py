@@ -149,6 +149,8 @@ class Scene:
     callback : callable, optional
         Wants a `Progress` at the start, after every `every` iterations, and at the end.
     every : int
+    draft : bool
+        Whether it is looked at while the hand moves: what takes long may be done less well.
     factor : int
         By which the picture that was given is larger (`ffseg.enlargement`); sentences tell places in that one.
 
@@ -177,6 +179,7 @@ class Scene:
     footprint: Footprint | None = None
     callback: Callable[[Progress], None] | None = None
     every: int = 10
+    draft: bool = False
     factor: int = 1
 
     def __post_init__(self) -> None:

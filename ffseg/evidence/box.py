@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,7 @@ from ffseg.evidence.forest import shipped
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import blurred, logarithm, odds_edges, probability
 from ffseg.evidence.prior import MAX_LOG_ODDS, PIXEL_FEATURES, SMOOTHING, cautious_prior, write_pixel_features
+from ffseg.evidence.recent import Recent
 from ffseg.evidence.surroundings import (
     COLOURS,
     STRIDE,
@@ -69,6 +71,9 @@ CUT_SIZE, CUT_THRESHOLD, CUT_LOG_ODDS, MIN_CUT_OVERLAP = 200, -1.0, 3.0, 0.5
 """Graph cut by colours: longer side of the reduced image in pixels, log odds above which a pixel starts as object,
 weight of the result in log odds, and its smallest overlap with the region of the forest to count at all. Chosen on
 the same drawings; gains .01 on them."""
+
+CACHED_LOOKS = 16
+"""Looks at boxes, and what lies beside them, that are kept for the next click, or the next box."""
 
 CORE_RADIUS = 0.4
 """Semi-axes of the ellipse that is taken as the core of the object, as fractions of half the box's sides."""
@@ -127,15 +132,24 @@ Look = tuple[tuple[slice, slice], Plane]
 
 def looks(scene: Scene) -> tuple[Look, ...]:
     """What is seen in each box of a scene; in one that leaves nothing outside, nothing is."""
-    windows = (window_of(box, scene.shape) for box in scene.boxes)
-    return tuple((window, odds) for window in windows if (odds := in_box(scene.image, window)) is not None)
+    found, cut = list[Look](), not scene.draft
+    for box in scene.boxes:
+        rows, columns = window = window_of(box, scene.shape)
+        key = rows.start, rows.stop, columns.start, columns.stop, cut
+        odds = _looks.of(scene.image, key, partial(in_box, scene.image, window, cut=cut))
+        found += [] if odds is None else [(window, odds)]
+    return tuple(found)
+
+
+_looks = Recent[Plane | None](CACHED_LOOKS)
 
 
 def _beside(scene: Scene, seen: Iterable[Look]) -> Plane | None:
     """Log odds of what the first circle that no look has seen lies on, shape (H, W), if there is one; the others correct them."""
     for x, y, radius in scene.params.init.circles:
         if not any(_in_window((y, x), window) for window, _ in seen):
-            return cautious_prior(scene.image, rasterize([circle_start((x, y, radius), scene.params)], scene.shape))
+            disc = rasterize([circle_start((x, y, radius), scene.params)], scene.shape)
+            return _looks.of(scene.image, "beside", partial(cautious_prior, scene.image, disc), disc)
     return None
 
 
@@ -187,7 +201,7 @@ def trust_in(said: Plane, window: tuple[slice, slice], beside: Mask) -> float:
     return MODEL_WEIGHT * float(max(0.0, 1 - round_it / in_it) ** MODEL_SHARPNESS)
 
 
-def in_box(image: Image, window: tuple[slice, slice]) -> Plane | None:
+def in_box(image: Image, window: tuple[slice, slice], *, cut: bool) -> Plane | None:
     """Log odds of the object in a box; None where that leaves nothing outside.
 
     Parameters
@@ -196,6 +210,9 @@ def in_box(image: Image, window: tuple[slice, slice]) -> Plane | None:
         Grey or BGR.
     window : tuple of slice
         Rows and columns of the box, some of each.
+    cut : bool
+        Whether a graph cut has its say, too, which takes two thirds of the time. While the hand moves it has none: the regions of
+        130 boxes on drawings and photographs then have an IoU of .94 with those when it rests.
 
     Returns
     -------
@@ -210,7 +227,7 @@ def in_box(image: Image, window: tuple[slice, slice]) -> Plane | None:
         model.inside.log_odds(all_planes(view), native) + np.float32(LOG_ODDS_OFFSET), -MAX_LOG_ODDS, MAX_LOG_ODDS
     )
     odds[view.seen.inside[::STRIDE, ::STRIDE] > 0] = -MAX_LOG_ODDS
-    return view.enlarged(blurred(_with_cut(odds, image, view), SMOOTHING / STRIDE))
+    return view.enlarged(blurred(_with_cut(odds, image, view) if cut else voted(odds, view.seen), SMOOTHING / STRIDE))
 
 
 def _with_cut(odds: Plane, image: Image, view: BoxView) -> Plane:

@@ -13,6 +13,10 @@ from numpy.typing import NDArray
 Found = TypeVar("Found")
 
 
+MAX_PIXELS = 1 << 20
+"""Of an image of which something is kept: what belongs to larger ones is made anew."""
+
+
 class Recent(Generic[Found]):
     """The last results, of which at most so many are kept."""
 
@@ -30,6 +34,12 @@ class Recent(Generic[Found]):
         if len(self._found) > self._most:
             self._found.popitem(last=False)
         return found
+
+    def of(self, image: NDArray[Any], key: Hashable, make: Callable[[], Found], *parts: NDArray[Any]) -> Found:
+        """As `get`, of what belongs to an image, shape (H, W, ...), and further arrays; kept where it is small."""
+        if image.shape[0] * image.shape[1] > MAX_PIXELS:
+            return make()
+        return self.get((digest_of(image, *parts), key), make)
 
 
 def digest_of(*parts: NDArray[Any] | None) -> bytes:

@@ -9,7 +9,6 @@ from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ffseg.arrays import Image, Mask, Plane
 from ffseg.errors import ImageReadError, ParameterError, SegmentationError
@@ -19,7 +18,7 @@ from ffseg.evidence.forest import Compiled, Model, load_model
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import LEVEL, at_level, certain_odds, evidence_edges, probability, strength_edges
 from ffseg.evidence.prior import prior
-from ffseg.evidence.recent import Recent, digest_of
+from ffseg.evidence.recent import Recent
 from ffseg.image.checked import require_size
 from ffseg.image.edges import PRIOR_CALIBRATION, EdgeMap, ScoreCalibration
 from ffseg.image.parts import connected_parts
@@ -40,9 +39,9 @@ MAX_NETWORK_BYTES = 1 << 30
 MIN_START_RADIUS = 2.0
 """Pixels of the reduced image: a start that a model finds is not smaller."""
 
-CACHED_ANSWERS, MAX_CACHED_PIXELS = 4, 1 << 20
-"""Answers of models that are kept for the next click, each of an image of so many pixels at most: while the hand moves, a reduced
-copy is asked again and again, and only what the last click changes is new."""
+CACHED_ANSWERS = 4
+"""Answers of models that are kept for the next click: while the hand moves, a reduced copy is asked again and again, and only
+what the last click changes is new."""
 
 FIRST_CIRCLES = 2
 """A model is asked from so many circles, mostly its own start and a click; later ones correct what it says. With all of them
@@ -74,7 +73,7 @@ def model_edges(scene: Scene) -> EdgeMap:
 
     def say(start: Mask) -> Plane:
         make = partial(model_odds, model, scene.image, start, native)
-        return joined(_kept(path, (scene.image, start), None, make) if scene.has_hints else make())
+        return joined(_answers.of(scene.image, (path, _mark(path)), make, start) if scene.has_hints else make())
 
     promised = boxed or model.calibration
     return _edges(scene, say(_before_clicks(scene)), own, "model", promised, lambda start: certain_odds(say(start)))
@@ -93,13 +92,6 @@ def _with_boxes(scene: Scene) -> tuple[Callable[[Plane], Plane], ScoreCalibratio
         return probability(box_odds(scene, with_said(scene, seen, said), said))
 
     return joined, CALIBRATION
-
-
-def _kept(path: str, arrays: tuple[NDArray[Any], ...], number: float | None, make: Callable[[], Any]) -> Any:  # noqa: ANN401 - as made
-    """What a model says of an image and what belongs to it; of small ones the last answers are kept."""
-    if arrays[0].shape[0] * arrays[0].shape[1] > MAX_CACHED_PIXELS:
-        return make()
-    return _answers.get((path, _mark(path), number, digest_of(*arrays)), make)
 
 
 def _before_clicks(scene: Scene) -> Mask:
@@ -182,7 +174,7 @@ def with_model_start(image: Image, params: Parameters, background: Image | None 
         return params
     model, most = ready(path)[0], init.radius_in(image.shape)
     find = partial(model_start, image, model, most)
-    circle = _kept(path, (image,), most, find) if init.circles or init.background else find()
+    circle = _answers.of(image, (path, _mark(path), most), find) if init.circles or init.background else find()
     if circle is not None and (init.background or background is not None):
         outside = seeds(init.background, np.zeros(image.shape[:2], np.bool_), background)
         if (outside & rasterize([circle_start(circle, params)], outside.shape)).any():

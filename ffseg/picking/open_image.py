@@ -8,7 +8,6 @@ from time import perf_counter
 
 import numpy as np
 
-from ffseg.api import segment
 from ffseg.arrays import Image, Mask
 from ffseg.enlargement import scaled_seed
 from ffseg.errors import FfsegError
@@ -20,7 +19,8 @@ from ffseg.io.starts import Start
 from ffseg.io.svg import path_data
 from ffseg.parameters import Parameters
 from ffseg.picking.picks import ImagePicks, paint_strokes
-from ffseg.pipeline import outlines_of
+from ffseg.pipeline import outlines_of, segment
+from ffseg.scene import Scene
 from ffseg.starts.initial import start_contours
 
 MAX_PREVIEW_SIDE, MIN_PREVIEW_SIDE = 400, 200
@@ -132,7 +132,7 @@ class OpenImage:
     def _asked(self, picked: ImagePicks, params: Parameters, base: Mask | None, *, quick: bool) -> PickedRegion:
         begin = perf_counter()
         image, factor = self._copy() if quick else (self.image, 1.0)
-        found = self._grown(image, factor, picked, params, base)
+        found = self._grown(image, factor, picked, params, base, draft=quick)
         if picked.strokes:
             mask = paint_strokes(found.mask, picked.strokes, factor)
             found = replace(found, mask=mask, contours=outlines_of(mask), factor=factor, base=found.mask)
@@ -166,7 +166,7 @@ class OpenImage:
         return Bounds(domain=seen(masks.domain), start_mask=seen(masks.start), background=seen(masks.background))
 
     def _grown(
-        self, image: Image, factor: float, picked: ImagePicks, params: Parameters, base: Mask | None
+        self, image: Image, factor: float, picked: ImagePicks, params: Parameters, base: Mask | None, *, draft: bool
     ) -> PickedRegion:
         shape = (image.shape[0], image.shape[1])
         if base is not None and not picked.grows:
@@ -183,7 +183,7 @@ class OpenImage:
             own = scaled(start, factor).placed(params, shape)
             if factor != 1 and own.contour.clearance > 0:
                 own = replace(own, contour=replace(own.contour, clearance=own.contour.clearance / factor))
-            result = segment(image, own, **self._bounds(shape))
+            result = segment(Scene(image, own, draft=draft, **self._bounds(shape)))
         except FfsegError as error:
             wrong = error if factor == 1 else self._wrong_start(start, params) or error
             return replace(empty, said=str(wrong))

@@ -12,11 +12,15 @@ from numpy.typing import NDArray
 
 import ffseg
 from ffseg.errors import SegmentationError
+from ffseg.evidence import box as evidence
 from ffseg.evidence.forest import Model, to_bytes
 from ffseg.io.starts import Start
 from ffseg.learning.drawn.clicks import Clicks
 from ffseg.learning.drawn.sights import sights
 from ffseg.metrics import INSIDE, iou
+from ffseg.parameters import load_params
+from ffseg.picking.open_image import OpenImage
+from ffseg.picking.picks import ImagePicks
 from tests.masks import read_mask
 from tests.stumps import stump
 
@@ -65,6 +69,27 @@ def test_what_is_of_one_colour_is_not_cut_by_colours(monkeypatch: pytest.MonkeyP
     """Of a grey of 60 OpenCV's cut took 3 s for 30x30 pixels; which greys do is by their last bits."""
     monkeypatch.setattr("ffseg.evidence.box.grabcut_mask", lambda *_: pytest.fail("cut"))
     assert ffseg.segment(np.full((50, 50, 3), 60, np.uint8), {"init.boxes": [[10, 10, 30, 30]]}).mask.any()
+
+
+def test_boxes_that_stand_are_looked_at_once_and_without_a_cut_while_the_hand_moves(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Each move of the hand looked at every box anew, 50 ms each, most of it in the cut."""
+    image, _ = scene()
+    picture, looked = OpenImage(image + np.uint8(1)), list[bool]()
+    look = evidence.in_box
+    monkeypatch.setattr(evidence, "in_box", lambda *args, cut: looked.append(cut) or look(*args, cut=cut))
+    cuts = list[int]()
+    cutting = evidence.grabcut_mask
+    monkeypatch.setattr(evidence, "grabcut_mask", lambda *args: cuts.append(1) or cutting(*args))
+    boxes = (tuple(BOX), (115.0, 35.0, 185.0, 105.0))
+    for x in range(4):
+        found = picture.find(ImagePicks(((60.0 + x, 70.0, 3.0),), boxes=boxes), load_params(), None, quick=True)
+        assert found.mask[70, 60]
+        assert found.mask[70, 150]
+    assert (looked, cuts) == ([False, False], [])
+    picture.find(ImagePicks(((60.0, 70.0, 3.0),), boxes=boxes), load_params(), None)
+    assert (looked, cuts) == ([False, False, True, True], [1, 1])
 
 
 def test_boxes_round_drawn_objects_serve_at_least_as_well_as_they_serve_grabcut() -> None:

@@ -302,7 +302,7 @@ def test_a_mask_that_cannot_be_removed_keeps_its_step(tmp_path: Path, monkeypatc
 def test_what_a_model_that_has_gone_is_finding_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     scene, asked = OpenImage(np.zeros(SIZE, np.uint8)), list[object]()
 
-    def grow(self: OpenImage, image: np.ndarray, factor: float, *_of: object) -> PickedRegion:
+    def grow(self: OpenImage, image: np.ndarray, factor: float, *_of: object, **_how: object) -> PickedRegion:
         asked.append(image)
         if len(asked) == 1:
             self.forget()
@@ -380,9 +380,9 @@ def test_steps_on_accepted_masks_are_undone_whatever_would_be_found_now(tmp_path
     with session(draw(tmp_path / "in", ["a.png"]), tmp_path / "out") as own:
         for version, place in ((0, LEFT), (2, RIGHT)):  # what two models propose where nothing is picked
 
-            def proposed(*args: object, place: tuple[int, int] = place) -> PickedRegion:
+            def proposed(*args: object, place: tuple[int, int] = place, **how: object) -> PickedRegion:
                 there = args[3] if args[5] is not None else ImagePicks(starts=((*place, 6.0),))
-                return found(*args[:3], there, *args[4:])
+                return found(*args[:3], there, *args[4:], **how)
 
             monkeypatch.setattr(OpenImage, "_grown", proposed)
             own.forget()
@@ -725,7 +725,7 @@ def test_who_asks_for_a_region_that_is_being_found_waits_for_it(monkeypatch: pyt
     grown: list[object] = []
     begun, go_on = threading.Event(), threading.Event()
 
-    def grow(self: OpenImage, image: np.ndarray, factor: float, *_of: object) -> PickedRegion:
+    def grow(self: OpenImage, image: np.ndarray, factor: float, *_of: object, **_how: object) -> PickedRegion:
         grown.append(self)
         begun.set()
         assert go_on.wait(60)
