@@ -30,6 +30,9 @@ MAX_DIFFERENT, MAX_DIFFERENT_IN_LINES = 0.01, 0.05
 """Fraction of the pixels, of those unlike their neighbours, that may differ by more: in the whole image, and in a few
 lines of it, where cubic kernels clipped at black and white change all pixels near an edge."""
 
+TILES, MAX_DIFFERENT_IN_TILES = 12, 0.02
+"""Tiles each way that are tested before the whole image, and the fraction of their pixels that may differ: twice that of all."""
+
 LINE_KNOTS, KERNEL_REACH = 8, 4
 """Pixels of the original from which a tested piece of a line is interpolated, and pixels beside it that the kernel reaches."""
 
@@ -52,8 +55,8 @@ def magnification(image: Image, most: float = FACTORS[0]) -> tuple[int, Image]:
     Notes
     -----
     An enlargement by nearest neighbours, linear or cubic interpolation is a picture whose lines lie in the space that the
-    enlarged unit vectors span. A few lines each way tell all others; then the picture before is found by back-projection,
-    and must give the whole one.
+    enlarged unit vectors span. A few lines each way and tiles all over it tell most others; then the picture before is found by
+    back-projection, and must give the whole one.
     """
     height, width = image.shape[:2]
     factors = [
@@ -70,6 +73,8 @@ def magnification(image: Image, most: float = FACTORS[0]) -> tuple[int, Image]:
             residuals = list(map(max, residuals, _residuals(_liveliest(plane.T), factor)))
         if min(residuals) <= MAX_DIFFERENT_IN_LINES:
             kind = INTERPOLATIONS[residuals.index(min(residuals))]
+            if _amiss_in_tiles(plane, factor, kind) > MAX_DIFFERENT_IN_TILES:
+                continue
             before = _reduced(image, factor, kind)
             made = cv2.resize(before, (width, height), interpolation=kind)
             unlike = np.count_nonzero(cv2.absdiff(image[:, factor:], image[:, :-factor]) > LEVEL_TOLERANCE)
@@ -87,6 +92,28 @@ def _liveliest(plane: Image) -> Plane:
 def _residuals(lines: Plane, factor: int) -> list[float]:
     """For each interpolation, the fraction of the pixels in some lines that it cannot produce from fewer."""
     return _core.lines_amiss(lines, _residual_matrix(factor), factor, LEVEL_TOLERANCE, MAX_DIFFERENT_IN_LINES)
+
+
+def _amiss_in_tiles(plane: Image, factor: int, kind: int) -> float:
+    """Of the pixels unlike their neighbours in some tiles, the fraction that an enlargement cannot produce."""
+    side, height, width = (LINE_KNOTS + 2 * KERNEL_REACH) * factor, *plane.shape
+    rows, columns = (factor * np.linspace(0, (size - side) // factor, TILES, dtype=int) for size in (height, width))
+    if height < side or width < side:
+        return 0.0
+    tiles = np.stack([plane[y : y + side, x : x + side] for y in rows for x in columns]).astype(np.float32)
+    made, cut = _projection(factor, kind), slice(KERNEL_REACH * factor, -KERNEL_REACH * factor)
+    inner = tiles[:, cut, cut]
+    amiss = np.abs(inner - np.clip(made @ tiles @ made.T, 0, 255)) > LEVEL_TOLERANCE
+    unlike = np.abs(inner[:, :, factor:] - inner[:, :, :-factor]) > LEVEL_TOLERANCE
+    return int(np.count_nonzero(amiss)) / max(int(np.count_nonzero(unlike)), 1)
+
+
+@cache
+def _projection(factor: int, kind: int) -> Plane:
+    """Matrix from a line of pixels to the middle of what an interpolation makes of the nearest fewer pixels."""
+    knots, cut = LINE_KNOTS + 2 * KERNEL_REACH, slice(KERNEL_REACH * factor, -KERNEL_REACH * factor)
+    made = cv2.resize(np.eye(knots, dtype=np.float32), (knots * factor, knots), interpolation=kind).T.astype(np.float64)
+    return (made @ np.linalg.pinv(made, rcond=1e-6))[cut].astype(np.float32)
 
 
 @cache
@@ -107,9 +134,10 @@ def _reduced(image: Image, factor: int, kind: int) -> Image:
     less = (size[0] // factor, size[1] // factor)
     whole = image.astype(np.float32)
     found = cv2.resize(whole, less, interpolation=cv2.INTER_AREA)
+    error, change = np.empty_like(whole), np.empty_like(found)
     for _ in range(0 if kind == cv2.INTER_NEAREST else INVERSION_STEPS):
-        error = whole - np.clip(cv2.resize(found, size, interpolation=kind), 0, 255)
-        found = np.clip(
-            found + np.float32(INVERSION_GAIN) * cv2.resize(error, less, interpolation=cv2.INTER_AREA), 0, 255
-        )
+        cv2.resize(found, size, error, interpolation=kind)
+        np.subtract(whole, np.clip(error, 0, 255, out=error), out=error)
+        cv2.resize(error, less, change, interpolation=cv2.INTER_AREA)
+        np.clip(found + np.float32(INVERSION_GAIN) * change, 0, 255, out=found)
     return np.asarray(np.rint(found), np.uint8)

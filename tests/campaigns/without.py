@@ -38,6 +38,7 @@ RULES = (
     Rule("thresholds from the local noise", "image/edges.py", {"AUTO_SPREAD": 1.0}, ("edges", "prior")),
     Rule("an enlargement is taken back", "image/magnified.py", {"FACTORS": ()}, ("magnified",)),
     Rule("only whole pictures of few pixels", "image/magnified.py", {"MAX_DIFFERENT": 1.0}, ("magnified",)),
+    Rule("nor where tiles of it are none", "image/magnified.py", {"MAX_DIFFERENT_IN_TILES": inf}, ("magnified",)),
     Rule("a picture was not tiny before", "image/magnified.py", {"MIN_SIDE": 0}, ("magnified",)),
     Rule("edges decide only if clear", "image/boundary.py", {"MIN_STRENGTH": 0.0}, _PRIOR),
     Rule("a tenth may be fainter", "image/boundary.py", {"FAINT_FRACTION": 0.0}, _PRIOR),

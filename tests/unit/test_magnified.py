@@ -6,6 +6,7 @@ import pytest
 
 import ffseg
 from ffseg.errors import SegmentationError
+from ffseg.image import magnified
 from ffseg.image.magnified import magnification
 from ffseg.metrics import iou
 from tests.scenes import HEIGHT, START, START_RADIUS, WIDTH, scene
@@ -61,6 +62,17 @@ def test_a_picture_in_which_only_the_liveliest_lines_are_enlarged_is_none(way: s
     image[180:320, :] //= 6  # so that no line through it is among the liveliest
     image[:, 180:320] //= 2
     assert magnification(image)[0] == 1
+
+
+def test_a_smooth_picture_is_not_taken_back_only_to_be_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Soft photographs and films pass for enlarged in a few lines; to find the picture before takes longer than all else."""
+    rng = np.random.default_rng(0)
+    smooth = larger(scene(1).image, 2.6, "cubic")
+    image = np.clip(smooth + rng.normal(0, 0.9, smooth.shape), 0, 255).astype(np.uint8)[: 8 * 90, : 8 * 120]
+    asked = list[int]()
+    monkeypatch.setattr(magnified, "_reduced", lambda picture, factor, _: asked.append(factor) or picture)
+    assert magnification(image)[1] is image
+    assert asked == []
 
 
 def test_nothing_is_told_of_an_even_picture_nor_of_a_small_one() -> None:
