@@ -47,6 +47,8 @@ class PickedRegion:
         Why there is no region, or what was done otherwise than asked.
     source : str
         What told the region: an edge source, ``run`` or nothing.
+    score : float
+        The IoU to expect; 0 where nothing tells it, as after strokes.
     ms : float
         Taken by the segmentation.
     base : ndarray of bool, shape (H, W), or None
@@ -135,7 +137,7 @@ class OpenImage:
         found = self._grown(image, factor, picked, params, base, draft=quick)
         if picked.strokes:
             mask = paint_strokes(found.mask, picked.strokes, factor)
-            found = replace(found, mask=mask, contours=outlines_of(mask), factor=factor, base=found.mask)
+            found = replace(found, mask=mask, contours=outlines_of(mask), factor=factor, score=0.0, base=found.mask)
         ms = (perf_counter() - begin) * 1e3
         if quick and ms > MAX_PREVIEW_MS:
             self._widest = max(MIN_PREVIEW_SIDE, self._widest // 2)

@@ -54,7 +54,10 @@ const answer = async (lane) => {
       if (place !== index || kind !== label || number < drawn[id]) continue;
       drawn[id] = number;
       view.region(found, id);
-      if (id === "region") say([notice.text, found.said].filter(Boolean).join("; "), notice.bad);
+      if (id === "region") {
+        say([notice.text, found.said].filter(Boolean).join("; "), notice.bad);
+        $("sure").textContent = found.score ? `expected IoU ${found.score.toFixed(2)}` : "";
+      }
       if (begin) requestAnimationFrame(() => times.push({ quick, waited: sent - begin, server: found.server_ms, find: found.ms, asked: performance.now() - sent, all: performance.now() - begin }));
     } catch (error) {
       say(error.message, true);
@@ -115,7 +118,7 @@ const pick = (change) => {
 };
 const shut = () => { // what is done before the next is open is meant for none
   image = null;
-  $("name").textContent = "";
+  $("name").textContent = $("sure").textContent = "";
   view.region(null);
   forget();
   view.show("", 1, 1);

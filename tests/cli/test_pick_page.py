@@ -91,8 +91,10 @@ def test_clicks_keys_and_what_they_leave_on_the_disk(hand: PageHand, server: Ser
     out = tmp_path / "out"
     hand.until_image("<img src=x onerror=alert(1)>'\"\\u000a&amp;.png")
     hand.go("n", "a.png")
+    hand.tab.until("document.getElementById('sure').textContent === ''")
     hand.pick(LEFT)
     hand.until_area(45, 55)
+    hand.tab.until("/^expected IoU [01]\\.[0-9][0-9]$/.test(document.getElementById('sure').textContent)")
     assert load_starts(out / "starts.csv", ["a.png"])["a.png"].circles == (Start(*map(float, LEFT), 2.0),)
     hand.click(*RIGHT)
     hand.until_marks("start", "start")
@@ -143,6 +145,7 @@ def test_drags_are_boxes_levels_and_strokes(hand: PageHand, server: Server) -> N
     hand.tab.press("b")
     hand.drag((100, 20), (110, 20), (120, 20))
     hand.until_area(15, 40)
+    hand.tab.until("document.getElementById('sure').textContent === ''")
     wait_for(lambda: len(state(server, 1)["strokes"]) == 1)
     hand.tab.press("e")
     hand.drag((90, 20), (110, 20), (130, 20))
