@@ -12,12 +12,14 @@ from ffseg.arrays import Image, Mask
 from ffseg.enlargement import scaled_seed
 from ffseg.errors import FfsegError
 from ffseg.geometry.freeform import FreeForm
+from ffseg.image.edges import edge_map
+from ffseg.image.free import distances
 from ffseg.io.masks import NO_MASKS, Bounds, Masks
 from ffseg.io.overlays import encode_jpeg
 from ffseg.io.snapshots import scaled_down
 from ffseg.io.starts import Start
 from ffseg.io.svg import path_data
-from ffseg.parameters import Parameters
+from ffseg.parameters import Circle, Init, Parameters
 from ffseg.picking.picks import ImagePicks, paint_strokes
 from ffseg.pipeline import outlines_of, segment
 from ffseg.scene import Scene
@@ -28,6 +30,14 @@ MAX_PREVIEW_SIDE, MIN_PREVIEW_SIDE = 400, 200
 
 MAX_PREVIEW_MS = 30.0
 """The copy is halved when it took longer: with drawing and the way there and back 50 ms are left to follow the hand."""
+
+FITTED_SIDE = 800
+"""Pixels of the longer side of the copy in which a click's disc is made to fit: 8 pixels are its radius there."""
+
+FITTED_SCORE, MIN_BEYOND = 0.9, 0.8
+"""Score of what the image's own edges find from a disc that fits, and the part of it that lies more than two radii of the click
+away, from which on that is meant. Of 800 clicks on drawings and photographs, at random places and at the deepest, this is so of
+8: three come from an IoU of .52 to .88 to one of .95 or more, none loses .1. Specks between edges, with 0 to .6 beyond, lose."""
 
 QUALITY = 92
 """Of the JPEG that the browser shows; it is only looked at."""
@@ -106,6 +116,31 @@ class OpenImage:
         self._picture = self._picture or encode_jpeg(self.image, QUALITY, sharp=True)
         return self._picture
 
+    def fitted(self, circle: Circle, params: Parameters) -> Circle:
+        """The disc of a click, px, or one that fits in a narrow thing under it, as a wire or a vessel.
+
+        A disc that laps over both sides of such a thing shows more of what lies beside it. One that fits is taken where the
+        image's own edges then follow the thing clearly, and far beyond the click.
+        """
+        longest = max(self.shape)
+        image, factor = (self.image, 1.0) if longest <= FITTED_SIDE else self._copy_of(FITTED_SIDE)
+        x, y, radius = ((circle[0] + 0.5) / factor - 0.5, (circle[1] + 0.5) / factor - 0.5, circle[2] / factor)
+        row, column = (min(max(round(at), 0), size - 1) for at, size in zip((y, x), image.shape, strict=False))
+        edges = edge_map(image, params.edges).edges
+        fit = max(1.0, float(distances(edges == 0)[row, column]) - 1)
+        if fit >= radius or params.contour.clearance > 0:
+            return circle
+        init = Init(circles=((x, y, fit),))
+        narrow = replace(params, init=init, edges=replace(params.edges, source="gradient", model=None))
+        try:
+            found = segment(Scene(image, narrow, draft=True, **self._bounds((image.shape[0], image.shape[1]))))
+        except FfsegError:
+            return circle
+        rows, columns = np.nonzero(found.mask)
+        beyond = np.hypot(columns - x, rows - y) > 2 * radius
+        clear = found.score >= FITTED_SCORE and not found.doubts
+        return (*circle[:2], fit * factor) if clear and beyond.mean() >= MIN_BEYOND else circle
+
     def find(self, picked: ImagePicks, params: Parameters, base: Mask | None, *, quick: bool = False) -> PickedRegion:
         """The region of what was picked.
 
@@ -150,11 +185,12 @@ class OpenImage:
 
     def _copy(self) -> tuple[Image, float]:
         longest = max(self.shape)
-        if longest <= self._widest:
-            return self.image, 1.0
-        if self._widest not in self._copies:
-            self._copies[self._widest] = _reduced(self.image, self._widest)
-        return self._copies[self._widest], longest / self._widest
+        return (self.image, 1.0) if longest <= self._widest else self._copy_of(self._widest)
+
+    def _copy_of(self, longest: int) -> tuple[Image, float]:
+        if longest not in self._copies:
+            self._copies[longest] = _reduced(self.image, longest)
+        return self._copies[longest], max(self.shape) / longest
 
     def _bounds(self, shape: tuple[int, int]) -> Bounds:
         rows, columns = (

@@ -249,18 +249,28 @@ class Session:
     def find(self, label: int, index: int, document: object, *, quick: bool) -> dict[str, Any]:
         """The region of what is picked, for the page to draw; nothing is kept. Of what is accepted the mask that was written."""
         project = self.projects[label]
-        picked = self._picked(project, index, document)
+        picked = self._picked(project, index, document, fit=not quick)
         if picked.status == "accepted" and picked == project.track(index).now:
             mask = project.mask(self.sources[index].name)
             if mask is not None and mask.shape == self.open_image(index).shape:
                 return PickedRegion(mask, outlines_of(mask), source="mask").document()
         return self._found(project, index, picked, quick=quick).document()
 
-    def _picked(self, project: Project, index: int, document: object) -> ImagePicks:
+    def _picked(self, project: Project, index: int, document: object, *, fit: bool) -> ImagePicks:
         """What a page says; a stroke more on what is accepted changes no more than it paints."""
         picked, now = ImagePicks.read(document), project.track(index).now
+        if fit:
+            picked = self._fitted(project, index, picked, now)
         painted = now.status == picked.status == "accepted" and picked.unpainted == now.unpainted
         return replace(picked, base=now.base if painted else "")
+
+    def _fitted(self, project: Project, index: int, picked: ImagePicks, now: ImagePicks) -> ImagePicks:
+        """With discs of new clicks that fit in what is narrow, where clicks are all that tells the region."""
+        new, params = set(picked.starts) - set(now.starts), project.params
+        if not new or picked.boxes or params.edges.model is not None:
+            return picked
+        image = self.open_image(index)
+        return replace(picked, starts=tuple(image.fitted(one, params) if one in new else one for one in picked.starts))
 
     def _found(self, project: Project, index: int, picked: ImagePicks, *, quick: bool = False) -> PickedRegion:
         open_image = self.open_image(index)
@@ -297,7 +307,7 @@ class Session:
             track = project.track(index)
             if track.version != version:
                 raise StaleError
-            picked = self._picked(project, index, document) if do == "pick" else None
+            picked = self._picked(project, index, document, fit=True) if do == "pick" else None
             after, found = track.after(do, picked), None
             if after is not None and after.status == "accepted":
                 found = self._found(project, index, after)

@@ -453,6 +453,26 @@ def test_images_that_would_share_a_mask_are_refused_before_anything_is_picked(tm
     assert not (tmp_path / "out").exists()
 
 
+def test_a_click_on_a_wire_is_a_disc_that_fits_in_it(tmp_path: Path) -> None:
+    """A disc of the usual radius showed more of the ground beside it, and the prior took that along: .41."""
+    wire = np.zeros((600, 800), np.uint8)
+    cv2.polylines(wire, [np.array([[60, 300], [200, 180], [400, 320], [760, 400]], np.int32)], False, 255, 5)
+    image = np.where(wire[..., None] > 0, np.array([40, 60, 200]), np.array([150, 160, 140]))
+    image = image + np.random.default_rng(0).normal(0, 4, image.shape)
+    (tmp_path / "in").mkdir()
+    cv2.imwrite(str(tmp_path / "in" / "a.png"), image.clip(0, 255).astype(np.uint8))
+    click = {"starts": [[400, 320, 8]], "status": "accepted"}
+    with session(tmp_path / "in", tmp_path / "out") as own:
+        own.change(0, 0, 0, "pick", OPEN | click)
+        ((*_, radius),) = own.projects[0].track(0).now.starts
+        assert 1 <= radius < 3
+        assert overlap(mask_of(tmp_path / "out" / "masks" / "a.png"), wire > 0) > 0.95
+        own.change(0, 0, 1, "pick", OPEN | {"starts": [[400, 320, 8], [100, 500, 8]], "boxes": [[300, 200, 500, 400]]})
+        assert own.projects[0].track(0).now.starts[1] == (100, 500, 8), "what lies beside has room"
+    rough = np.random.default_rng(1).integers(60, 190, (120, 160, 3)).astype(np.uint8)
+    assert OpenImage(rough).fitted((80, 60, 8), load_params()) == (80, 60, 8), "edges of texture tell of no thing"
+
+
 def test_classes_have_folders_of_their_own(tmp_path: Path) -> None:
     folder, out = draw(tmp_path / "in", ["a.png"]), tmp_path / "out"
     with session(folder, out, labels=["left", "right"]) as own:
