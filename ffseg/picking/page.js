@@ -206,7 +206,7 @@ const near = (point) => {
   const found = Object.entries(current()).filter(([kind]) => kind === "starts" || kind === "nots").flatMap(([kind, rows]) => rows.map((row) => ({ kind, row })));
   return found.find(({ row }) => Math.hypot(row[0] - point[0], row[1] - point[1]) * view.scale <= NEAR);
 };
-const circle = ([x, y]) => [x, y, image.radius];
+const circle = ([x, y]) => [x, y, Math.max(1, image.radius * Math.min(1, view.whole / view.scale))]; // who zooms in means something small
 const without = (rows, row) => rows.filter((other) => other.join() !== row.join());
 const corners = ([a, b], [c, d]) => {
   const [width, height] = view.size, cut = (value, most) => Math.round(Math.min(most - 1, Math.max(0, value)));

@@ -27,9 +27,14 @@ export class View {
     this.fit();
   }
 
+  get whole() { // the scale at which all of the image is seen
+    const box = this.stage.getBoundingClientRect(), [width, height] = this.size;
+    return Math.min(box.width / width, box.height / height) || 1;
+  }
+
   fit() {
     const box = this.stage.getBoundingClientRect(), [width, height] = this.size;
-    this.scale = Math.min(box.width / width, box.height / height) || 1;
+    this.scale = this.whole;
     this.x = (box.width - width * this.scale) / 2;
     this.y = (box.height - height * this.scale) / 2;
     this.place();
