@@ -257,6 +257,31 @@ def enlarged(plane: Plane, factor: int, shape: tuple[int, int], stride: int = 1)
     return whole
 
 
+def startless_planes(image: Image, size: int, names: tuple[str, ...]) -> Plane:
+    """Planes of these names, shape (len(names), h, w), as `features` makes them; of those that need a start, zeros."""
+    factor = reduction(image.shape, size)
+    height, width = reduced_shape(image.shape, factor)
+    lab, looks = (np.empty((count, height, width), np.float32) for count in (3, len(SCALE_FEATURES)))
+    _core.evidence_lab(np.ascontiguousarray(image), factor, lab)
+    planes, place = np.zeros((len(names), height, width), np.float32), {name: at for at, name in enumerate(names)}
+    for scale in SCALES:
+        wanted = [(at, f"{name}@{scale:g}") for at, name in enumerate(SCALE_FEATURES) if f"{name}@{scale:g}" in place]
+        if wanted:
+            _core.evidence_texture(lab, scale, looks)
+        for at, name in wanted:
+            planes[place[name]] = looks[at]
+    for name, values in (("x", _shares(width)), ("y", _shares(height)[:, None])):
+        if name in place:
+            planes[place[name]] = values
+    return planes
+
+
+def _shares(size: int) -> Floats:
+    """Places of columns or rows, in parts of so many."""
+    found: Floats = (np.arange(size, dtype=np.float32) + np.float32(0.5)) / np.float32(size)
+    return found
+
+
 def _likeness(found: Features) -> None:
     """Log likelihood ratio of a pixel's colour, in the start over in the image, smoothed by one pixel."""
     light = found.names.index(f"light@{GEODESIC_SCALE:g}")
@@ -268,8 +293,7 @@ def _likeness(found: Features) -> None:
 def _place(found: Features) -> None:
     height, width = found.inside.shape
     across, along = from_middle(found.inside)
-    x, y = np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32)
-    found["x"][:], found["y"][:] = (x + 0.5) / width, ((y + 0.5) / height)[:, None]
+    found["x"][:], found["y"][:] = _shares(width), _shares(height)[:, None]
     found["across"][:], found["along"][:] = across, along[:, None]
     found["distance"][:] = distance_plane(across, along)
 

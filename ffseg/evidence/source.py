@@ -13,7 +13,7 @@ import numpy as np
 from ffseg.arrays import Image, Mask, Plane
 from ffseg.errors import ImageReadError, ParameterError, SegmentationError
 from ffseg.evidence.clicks import with_clicks
-from ffseg.evidence.features import Features, features, reduced_mean, reduction
+from ffseg.evidence.features import reduced_mean, reduction, startless_planes
 from ffseg.evidence.forest import Compiled, Model, load_model
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import LEVEL, at_level, certain_odds, evidence_edges, probability, strength_edges
@@ -198,10 +198,8 @@ def model_start(
     if model.start is None:
         return None
     factor = reduction(image.shape, model.size)
-    anywhere = np.zeros(image.shape[:2], np.bool_)
-    anywhere[image.shape[0] // 2, image.shape[1] // 2] = True  # these features say nothing of a start
-    seen: Features = features(model.shown(image), anywhere, model.size)
-    sure = model.start.probability(seen.planes) >= LEVEL
+    planes = startless_planes(model.shown(image), model.size, model.start.features)
+    sure = probability(model.start.log_odds(planes)) >= LEVEL
     if outside is not None:
         sure &= reduced_mean(outside.astype(np.float32), factor) == 0
     if not sure.any():
