@@ -49,6 +49,14 @@ def open_areas(image: Image, inside: Image, factor: int, out: Plane) -> None:
 
 def _reduced_any(edges: Image, factor: int) -> Image:
     """1 where a block of ``factor`` x ``factor`` pixels holds an edge."""
-    rows, columns = (np.arange(0, length, factor) for length in edges.shape)
-    found: Image = np.maximum.reduceat(np.maximum.reduceat(edges, rows, axis=0), columns, axis=1)
+    found = np.ascontiguousarray(_any_of_rows(_any_of_rows(edges, factor).T, factor).T)
     return np.minimum(found, np.uint8(1))
+
+
+def _any_of_rows(edges: Image, factor: int) -> Image:
+    """The largest of so many rows at a time; a slice a row of the blocks, as np.maximum.reduceat takes ten times as long."""
+    found = edges[::factor].copy()
+    for row in range(1, factor):
+        part = edges[row::factor]
+        np.maximum(found[: len(part)], part, out=found[: len(part)])
+    return found
