@@ -52,8 +52,8 @@ MAX_PRIOR_WEIGHT = 10.0
 MAX_VOTE = 14.0
 """Log odds up to which a pixel has a say among its neighbours."""
 MODEL_ODDS_RATIO = 9.0
-"""Odds of the overlap that a model promises over those of the IoU, where images left out have not told: the median of 13 models
-of five drawings or photographs each, on others of their sets (2.4 to 73)."""
+"""Odds of the overlap that a model promises over those of the IoU, where images left out have not told: as 13 models of five
+drawings or photographs each ask for on others of their sets (2.4 to 73, five of them less than this)."""
 
 UNMEASURED = ScoreCalibration(1.0, MODEL_ODDS_RATIO)
 """What the overlap that such a model promises is worth."""
