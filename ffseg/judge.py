@@ -23,8 +23,8 @@ FILLED_FRACTION = 0.9
 outside."""
 
 BORDER_FRACTION = 0.7
-"""A region is doubted if more than this fraction of its outer outline lies on the border of the image or the domain. A
-floor that fills the lower half of an image has 0.6."""
+"""A region that the image's own edges decide is doubted if more than this fraction of its outer outline lies on the border of the
+image or the domain. A floor that fills the lower half of an image has 0.6."""
 
 EARLY_STOPS = ("max_iterations", "budget", "max_patches", "max_points")
 """Reasons to stop before the contour has come to rest."""
@@ -82,7 +82,7 @@ def _doubts(found: ContourResult, contours: tuple[FreeForm, ...], mask: Mask, do
         most = max(0.0, 1 - area / room) / (2 * (1 - FILLED_FRACTION))
         full = _percent(min(area / room, 1.0))  # settling, it may pass the limit by some pixels
         yield Doubt("filled", most, f"the region fills {full} of the {where}: nothing shows where it ends")
-    elif (share := border_share(contours, mask.shape, domain)) >= BORDER_FRACTION:
+    elif found.scene.edges.odds is None and (share := border_share(contours, mask.shape, domain)) >= BORDER_FRACTION:
         most = (1 - share) / (2 * (1 - BORDER_FRACTION))
         yield Doubt("border", most, f"{_percent(share)} of the region's outline is the border of the {where}")
     stats = found.outcome.stats

@@ -146,6 +146,17 @@ def test_what_a_box_is_too_large_for_does_not_look_sure() -> None:
     assert found.score < 0.87
 
 
+def test_what_fits_its_box_is_not_doubted_for_that() -> None:
+    """Most of the outline of a book with a corner cut off is its box: the score was .4."""
+    rng = np.random.default_rng(0)
+    image = np.full((140, 200, 3), 190, np.uint8)
+    cv2.fillConvexPoly(image, np.array([[60, 40], [140, 40], [140, 60], [100, 100], [60, 100]]), (60, 90, 120))
+    image = np.clip(image + rng.normal(0, 6, image.shape), 0, 255).astype(np.uint8)
+    found = ffseg.segment(image, {"init.boxes": [[59.5, 39.5, 140.5, 100.5]]})
+    assert (found.source, found.doubts) == ("box", ())
+    assert found.score > 0.7
+
+
 def test_a_run_says_how_many_are_doubtful(ffseg_command: Command, tmp_path: Path) -> None:
     (tmp_path / "in").mkdir()
     for name, image in (("a.png", np.zeros((60, 80), np.uint8)), ("b.png", disc())):
