@@ -23,17 +23,10 @@ def before_enlargement(scene: Scene) -> Scene:
     maps, models, camera measurements, or lengths in pixels other than the defaults. So is a draft: it is a reduced copy itself.
     """
     params = scene.params
-    at_its_size = (
-        scene.edges_given or scene.evidence is not None or scene.footprint is not None or len(scene.altitudes) > 0
-    )
+    given = scene.edges_given or scene.evidence is not None or scene.footprint is not None or len(scene.altitudes) > 0
     as_printed = scene.method is not None and bool(scene.method.source)
-    if (
-        scene.draft
-        or at_its_size
-        or as_printed
-        or params.edges.model is not None
-        or _lengths(params) != DEFAULT_LENGTHS
-    ):
+    at_its_size = scene.draft or given or as_printed or params.edges.model is not None
+    if at_its_size or _lengths(params) != DEFAULT_LENGTHS:
         return scene
     smallest = min((abs(start.signed_area) for start in scene.starts), default=0.0)
     factor, image = magnification(scene.image, sqrt(smallest / pi) / MIN_START_RADIUS)

@@ -135,8 +135,11 @@ def looks(scene: Scene) -> tuple[Look, ...]:
     found, cut = list[Look](), not scene.draft
     for box in scene.boxes:
         rows, columns = window = window_of(box, scene.shape)
-        key = rows.start, rows.stop, columns.start, columns.stop, cut
-        odds = _looks.of(scene.image, key, partial(in_box, scene.image, window, cut=cut))
+        part, key = (
+            scene.image[surrounded(window, scene.shape)],
+            (rows.start, rows.stop, columns.start, columns.stop, cut),
+        )
+        odds = _looks.of(part, key, partial(in_box, scene.image, window, cut=cut))
         found += [] if odds is None else [(window, odds)]
     return tuple(found)
 

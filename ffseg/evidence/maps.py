@@ -193,6 +193,21 @@ def blurred(plane: Plane, sigma: float) -> Plane:
     return out
 
 
+def of_blocks(ufunc: np.ufunc, plane: NDArray[Level], factor: int) -> NDArray[Level]:
+    """`np.add` or `np.maximum` over blocks of ``factor`` x ``factor`` pixels; those at the right and lower borders are smaller.
+
+    A slice a row of the blocks, as `reduceat` takes five to ten times as long.
+    """
+    found = plane
+    for _ in range(2):  # rows, then columns
+        before, found = found, found[::factor].copy()
+        for row in range(1, factor):
+            part = before[row::factor]
+            ufunc(found[: len(part)], part, out=found[: len(part)])
+        found = found.T
+    return np.ascontiguousarray(found)
+
+
 def dilated(region: NDArray[Level], width: int) -> NDArray[Level]:
     """The largest value in the square of that odd width round each pixel."""
     found = region

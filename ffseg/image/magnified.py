@@ -10,6 +10,7 @@ from functools import cache
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from ffseg.arrays import Image, Plane
 from ffseg.native import _core
@@ -101,8 +102,8 @@ def _amiss_in_tiles(plane: Image, factor: int, kind: int) -> float:
     if height < side or width < side:
         return 0.0
     tiles = np.stack([plane[y : y + side, x : x + side] for y in rows for x in columns]).astype(np.float32)
-    made, cut = _projection(factor, kind), slice(KERNEL_REACH * factor, -KERNEL_REACH * factor)
-    inner = tiles[:, cut, cut]
+    made, reach = _projection(factor, kind), KERNEL_REACH * factor
+    inner = tiles[:, reach:-reach, reach:-reach]
     amiss = np.abs(inner - np.clip(made @ tiles @ made.T, 0, 255)) > LEVEL_TOLERANCE
     unlike = np.abs(inner[:, :, factor:] - inner[:, :, :-factor]) > LEVEL_TOLERANCE
     return int(np.count_nonzero(amiss)) / max(int(np.count_nonzero(unlike)), 1)
@@ -111,21 +112,26 @@ def _amiss_in_tiles(plane: Image, factor: int, kind: int) -> float:
 @cache
 def _projection(factor: int, kind: int) -> Plane:
     """Matrix from a line of pixels to the middle of what an interpolation makes of the nearest fewer pixels."""
-    knots, cut = LINE_KNOTS + 2 * KERNEL_REACH, slice(KERNEL_REACH * factor, -KERNEL_REACH * factor)
-    made = cv2.resize(np.eye(knots, dtype=np.float32), (knots * factor, knots), interpolation=kind).T.astype(np.float64)
-    return (made @ np.linalg.pinv(made, rcond=1e-6))[cut].astype(np.float32)
+    made, middle = _interpolation(factor, kind)
+    return (made @ np.linalg.pinv(made, rcond=1e-6))[middle].astype(np.float32)
 
 
 @cache
 def _residual_matrix(factor: int) -> Plane:
     """Projection of a line of pixels onto what no interpolation of each kind can produce, shape (L, kinds * L)."""
-    knots, cut = LINE_KNOTS + 2 * KERNEL_REACH, slice(KERNEL_REACH * factor, -KERNEL_REACH * factor)
     found = []
     for kind in INTERPOLATIONS:
-        made = cv2.resize(np.eye(knots, dtype=np.float32), (knots * factor, knots), interpolation=kind).T
-        inner = made[cut].astype(np.float64)
+        made, middle = _interpolation(factor, kind)
+        inner = made[middle]
         found.append(np.eye(len(inner)) - inner @ np.linalg.pinv(inner, rcond=1e-6))
     return np.concatenate(found, axis=1).astype(np.float32)
+
+
+def _interpolation(factor: int, kind: int) -> tuple[NDArray[np.float64], slice]:
+    """Matrix from fewer pixels to a line of pixels, and its middle, which no border reaches."""
+    knots = LINE_KNOTS + 2 * KERNEL_REACH
+    made = cv2.resize(np.eye(knots, dtype=np.float32), (knots * factor, knots), interpolation=kind).T
+    return made.astype(np.float64), slice(KERNEL_REACH * factor, -KERNEL_REACH * factor)
 
 
 def _reduced(image: Image, factor: int, kind: int) -> Image:

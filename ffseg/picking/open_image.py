@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from threading import Lock
 from time import perf_counter
+from typing import cast
 
 import numpy as np
 
@@ -122,9 +123,8 @@ class OpenImage:
         A disc that laps over both sides of such a thing shows more of what lies beside it. One that fits is taken where the
         image's own edges then follow the thing clearly, and far beyond the click.
         """
-        longest = max(self.shape)
-        image, factor = (self.image, 1.0) if longest <= FITTED_SIDE else self._copy_of(FITTED_SIDE)
-        x, y, radius = ((circle[0] + 0.5) / factor - 0.5, (circle[1] + 0.5) / factor - 0.5, circle[2] / factor)
+        image, factor = self._copy(FITTED_SIDE)
+        x, y, radius = cast(Circle, scaled_seed(circle, factor))
         row, column = (min(max(round(at), 0), size - 1) for at, size in zip((y, x), image.shape, strict=False))
         edges = edge_map(image, params.edges).edges
         fit = max(1.0, float(distances(edges == 0)[row, column]) - 1)
@@ -168,7 +168,7 @@ class OpenImage:
 
     def _asked(self, picked: ImagePicks, params: Parameters, base: Mask | None, *, quick: bool) -> PickedRegion:
         begin = perf_counter()
-        image, factor = self._copy() if quick else (self.image, 1.0)
+        image, factor = self._copy(self._widest) if quick else (self.image, 1.0)
         found = self._grown(image, factor, picked, params, base, draft=quick)
         if picked.strokes:
             mask = paint_strokes(found.mask, picked.strokes, factor)
@@ -183,14 +183,14 @@ class OpenImage:
         self._models += 1
         self._last = None
 
-    def _copy(self) -> tuple[Image, float]:
+    def _copy(self, widest: int) -> tuple[Image, float]:
+        """The image with a longer side of at most so many pixels, and how many of its own are one of these."""
         longest = max(self.shape)
-        return (self.image, 1.0) if longest <= self._widest else self._copy_of(self._widest)
-
-    def _copy_of(self, longest: int) -> tuple[Image, float]:
-        if longest not in self._copies:
-            self._copies[longest] = _reduced(self.image, longest)
-        return self._copies[longest], max(self.shape) / longest
+        if longest <= widest:
+            return self.image, 1.0
+        if widest not in self._copies:
+            self._copies[widest] = _reduced(self.image, widest)
+        return self._copies[widest], longest / widest
 
     def _bounds(self, shape: tuple[int, int]) -> Bounds:
         rows, columns = (

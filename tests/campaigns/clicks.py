@@ -20,7 +20,6 @@ from statistics import mean, median
 from tempfile import TemporaryDirectory
 from time import process_time
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -38,6 +37,7 @@ from ffseg.parameters import load_params
 from ffseg.starts.initial import click_radius
 from tests.campaigns import harness
 from tests.campaigns.real_images import SETS, load
+from tests.masks import box_round
 from tests.real_data import data_folder
 
 Picture = NDArray[np.uint8]
@@ -90,12 +90,12 @@ class Task:
         ]
 
     def _boxed(self) -> tuple[float | str, float | str]:
-        x, y, width, height = cv2.boundingRect((self.truth == INSIDE).astype(np.uint8))
-        if width * height > WIDE * self.truth.size:
+        tight = box_round(self.truth)
+        if np.prod(tight[2:] - tight[:2]) > WIDE * self.truth.size:
             return "", ""
-        tight = np.array([x, y, x + width, y + height]) - 0.5
-        more = np.random.default_rng(list(f"{self.folder} {self.name}".encode())).uniform(*LOOSE, 4)
-        loose = tight + np.array([-1, -1, 1, 1]) * more * (width + height) / 2
+        loose = box_round(
+            self.truth, np.random.default_rng(list(f"{self.folder} {self.name}".encode())).uniform(*LOOSE, 4)
+        )
         tight_iou, loose_iou = (
             round(iou(found(self.image, Clicks(), box, self.model), self.truth), 4) for box in (tight, loose)
         )

@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from statistics import mean
 
-import cv2
 import numpy as np
 
 from ffseg.api import segment
@@ -20,12 +19,13 @@ from ffseg.image.edges import PRIOR_CALIBRATION, ScoreCalibration
 from ffseg.io.images import prepare_worker
 from ffseg.learning.drawn.clicks import Clicks
 from ffseg.learning.drawn.sights import KINDS, Sight, sights
-from ffseg.metrics import INSIDE, iou
+from ffseg.metrics import iou
 from ffseg.parameters import Init, load_params
 from ffseg.result import Segmentation
 from ffseg.starts.initial import click_radius
 from tests.campaigns import harness
 from tests.campaigns.real_sets import spearman
+from tests.masks import box_round
 
 UNSEEN = 100_000
 """Number of the first picture."""
@@ -50,14 +50,12 @@ def outcomes(seen: Sight, number: int) -> Iterator[tuple[str, Outcome]]:
         found = _found(seen, Init(circles=clicks.inside, background=clicks.outside))
         mask = found.mask
         yield f"click {count}", _judged(found, seen)
-    left, top, width, height = cv2.boundingRect((seen.truth == INSIDE).astype(np.uint8))
-    if width * height < WIDE * seen.truth.size:
+    tight = box_round(seen.truth)
+    if np.prod(tight[2:] - tight[:2]) < WIDE * seen.truth.size:
         rng = np.random.default_rng(number)
         for name, limits in BOXES.items():
-            more = rng.uniform(*limits, 4) * (width + height) / 2
-            sides = np.array([left, top, left + width, top + height]) - 0.5 + np.array([-1, -1, 1, 1]) * more
-            a, b, c, d = map(float, sides)
-            yield name, _judged(_found(seen, Init(boxes=((a, b, c, d),))), seen)
+            left, top, right, bottom = map(float, box_round(seen.truth, rng.uniform(*limits, 4)))
+            yield name, _judged(_found(seen, Init(boxes=((left, top, right, bottom),))), seen)
 
 
 def _found(seen: Sight, init: Init) -> Segmentation:

@@ -12,8 +12,9 @@ from commands import Command
 import ffseg
 from ffseg.learning.drawn.clicks import Clicks
 from ffseg.learning.drawn.sights import KINDS, sights
-from ffseg.metrics import INSIDE, iou
+from ffseg.metrics import iou
 from ffseg.starts.initial import click_radius
+from tests.masks import box_round
 from tests.scenes import START, START_RADIUS, scene
 
 
@@ -138,9 +139,7 @@ def test_clicks_make_surer_as_they_make_better() -> None:
 def test_what_a_box_is_too_large_for_does_not_look_sure() -> None:
     """A box a third of its side too large on each side, in which something else is found: the score was .91."""
     seen = next(sights("organ", 1, 100_000))
-    x, y, width, height = cv2.boundingRect((seen.truth == INSIDE).astype(np.uint8))
-    more = 0.35 * (width + height) / 2
-    box = [x - 0.5 - more, y - 0.5 - more, x + width - 0.5 + more, y + height - 0.5 + more]
+    box = box_round(seen.truth, 0.35).tolist()
     found = ffseg.segment(seen.image, {"init.boxes": [box]})
     assert iou(found.mask, seen.truth) < 0.5
     assert found.score < 0.87

@@ -56,9 +56,7 @@ def test_learn_then_run(folder: Path, ffseg_command: Command) -> None:
     about = load_model(model).about
     assert (about["images"], about["base"]) == (["0.png", "1.png", "2.png"], told["base"])
     assert (load_model(model).calibration.ratio, about["odds_ratio"]) == (told["odds_ratio"],) * 2
-    assert (
-        0.05 < told["odds_ratio"] < MODEL_ODDS_RATIO
-    )  # it does well, and three images and one beside them tell little
+    assert 0.05 < told["odds_ratio"] < MODEL_ODDS_RATIO, "it does well; three images and one beside them tell little"
     assert about["prior"] == told["prior"]
     assert told["prior"]["asked"] is (told["prior"]["both"] > told["prior"]["taught"])
     assert told["base"]["corrected"] is (told["base"]["base"] >= told["base"]["enough"])
