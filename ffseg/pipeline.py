@@ -96,14 +96,13 @@ def with_method(scene: Scene) -> Scene:
 
 def with_starts(scene: Scene) -> Scene:
     """The scene with its start contours: those asked for, or the disc a model is surest of."""
-    params = scene.params
-    check_background(scene.shape, params, scene.background)
-    if params.edges.model is not None and scene.start_mask is None and scene.center is None:
+    check_background(scene.shape, scene.params, scene.background)
+    if scene.params.edges.model is not None and scene.start_mask is None and scene.center is None:
         from ffseg.evidence.source import with_model_start
 
-        params = with_model_start(scene.image, params, scene.background)
-    starts = start_contours(scene.shape, params, scene.start_mask, scene.center, scene.domain)
-    return replace(scene, params=params, starts=starts)
+        scene = with_model_start(scene)
+    starts = start_contours(scene.shape, scene.params, scene.start_mask, scene.center, scene.domain)
+    return replace(scene, starts=starts)
 
 
 def with_domain(scene: Scene) -> Scene:

@@ -134,6 +134,8 @@ class Scene:
         stay those of the image.
     start_mask, background : ndarray of uint8, shape (H, W), or None
         Nonzero inside the start regions; nonzero at what lies outside the region.
+    appearance : object, optional
+        What ffseg's own models see of the image wherever a start may lie, where one has looked for a start.
     evidence : ndarray of float32, shape (H, W), or None
         From 0 to 1: probability of inside, or edge strength, as ``edges.evidence`` says.
     center : tuple of float, or None
@@ -171,6 +173,7 @@ class Scene:
     disc: Image | None = None
     start_mask: Image | None = None
     background: Image | None = None
+    appearance: object = None
     evidence: NDArray[np.float32] | None = None
     center: tuple[float, float] | None = None
     robot: float = 0.0

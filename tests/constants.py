@@ -15,7 +15,7 @@ STEPS: dict[str, tuple[str, ...]] = {
     "evidence: auto": ("evidence/auto.py", "image/boundary.py"),
     "evidence: the prior": (
         "evidence/prior.py", "evidence/features.py", "evidence/surroundings.py", "evidence/maps.py",
-        "image/exposure.py",
+        "image/appearance.py",
     ),
     "evidence: clicks and boxes": (
         "evidence/clicks.py", "evidence/hints.py", "evidence/box.py", "starts/rivals.py", "starts/boxes.py",

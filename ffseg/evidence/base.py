@@ -28,7 +28,7 @@ ROW_PIXELS = 1000
 
 def base() -> Forest:
     """The forest, read once."""
-    return shipped(BASE, ALL_FEATURES)[0].inside
+    return shipped(BASE, ALL_FEATURES).inside
 
 
 def odds_of(forest: Forest, rows: Floats) -> Floats:

@@ -42,8 +42,8 @@ from ffseg.evidence.surroundings import (
     voted,
     write_strided,
 )
+from ffseg.image.appearance import Appearance
 from ffseg.image.edges import EdgeMap, ScoreCalibration
-from ffseg.image.exposure import normalised_exposure
 from ffseg.image.opencv_peers import grabcut_mask
 from ffseg.image.raster import rasterize, window_of
 from ffseg.image.resized import resized
@@ -152,7 +152,7 @@ def _beside(scene: Scene, seen: Iterable[Look]) -> Plane | None:
     for x, y, radius in scene.params.init.circles:
         if not any(_in_window((y, x), window) for window, _ in seen):
             disc = rasterize([circle_start((x, y, radius), scene.params)], scene.shape)
-            return _looks.of(scene.image, "beside", partial(cautious_prior, scene.image, disc), disc)
+            return _looks.of(scene.image, "beside", partial(cautious_prior, Appearance(scene.image), disc), disc)
     return None
 
 
@@ -225,10 +225,8 @@ def in_box(image: Image, window: tuple[slice, slice], *, cut: bool) -> Plane | N
     view = box_view(image, window)
     if view is None:
         return None
-    model, native = shipped(MODEL, FEATURE_NAMES)
-    odds = np.clip(
-        model.inside.log_odds(all_planes(view), native) + np.float32(LOG_ODDS_OFFSET), -MAX_LOG_ODDS, MAX_LOG_ODDS
-    )
+    forest = shipped(MODEL, FEATURE_NAMES).inside
+    odds = np.clip(forest.log_odds(all_planes(view)) + np.float32(LOG_ODDS_OFFSET), -MAX_LOG_ODDS, MAX_LOG_ODDS)
     odds[view.seen.inside[::STRIDE, ::STRIDE] > 0] = -MAX_LOG_ODDS
     return view.enlarged(blurred(_with_cut(odds, image, view) if cut else voted(odds, view.seen), SMOOTHING / STRIDE))
 
@@ -302,7 +300,7 @@ def box_view(image: Image, window: tuple[slice, slice]) -> BoxView | None:
         return None
     small = resized(part, (height, width))
     return BoxView(
-        features(normalised_exposure(small), outside, WORKING_SIZE, SHAPELESS_FEATURES),
+        features(Appearance(small), outside, SHAPELESS_FEATURES),
         (rows, columns),
         (inner[0], inner[1]),
         away,

@@ -18,13 +18,14 @@ import numpy as np
 
 from ffseg.arrays import Image, Mask, Plane
 from ffseg.evidence import hints, prior
-from ffseg.evidence.features import enlarged, reduced_mean, reduced_shape, reduction
+from ffseg.evidence.features import enlarged, reduced_mean
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.hints import HELD_RADIUS
 from ffseg.evidence.maps import expected_overlap, log_odds, odds_edges
 from ffseg.evidence.prior import MAX_LOG_ODDS
 from ffseg.evidence.recent import Recent, digest_of
 from ffseg.evidence.surroundings import STRIDE, strided
+from ffseg.image.appearance import Appearance, reduced_shape
 from ffseg.image.edges import PRIOR_CALIBRATION, EdgeMap, ScoreCalibration
 from ffseg.image.free import distances
 from ffseg.image.opencv_peers import dilated_by_disc
@@ -93,10 +94,15 @@ class ClickedImage:
     within: Mask | None
     ask: Callable[[Mask], Plane] | None = None
 
+    @cached_property
+    def appearance(self) -> Appearance:
+        """The image as the prior sees it."""
+        return Appearance(self.image)
+
     @property
     def factor(self) -> int:
         """Pixels a side of the image that became one of the reduced image."""
-        return reduction(self.image.shape, prior.model()[0].size)
+        return self.appearance.factor
 
     def reduced(self, plane: Plane) -> Plane:
         """A plane of the image at every `STRIDE`-th pixel of the reduced one, shape (h, w)."""
@@ -299,7 +305,7 @@ _views = Recent[prior.PriorView](1)
 
 def _view(clicked: ClickedImage, inside: Mask) -> prior.PriorView:
     """The prior's view from a region; the last one is kept, as clicks outside do not change it."""
-    return _views.get((clicked.key, digest_of(inside)), partial(prior.prior_view, clicked.image, inside))
+    return _views.get((clicked.key, digest_of(inside)), partial(prior.prior_view, clicked.appearance, inside))
 
 
 def _state_before(clicked: ClickedImage) -> ClickState | None:

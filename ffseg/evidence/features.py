@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
-from ffseg.arrays import Floats, Image, Mask, Plane
+from ffseg.arrays import Floats, Image, Indices, Mask, Plane
 from ffseg.errors import SegmentationError
-from ffseg.evidence.maps import of_blocks
+from ffseg.evidence.maps import blurred
 from ffseg.evidence.openings import OPENING_FEATURES, open_areas
+from ffseg.image.appearance import TEXTURE, Appearance, of_blocks, reduced_shape
 from ffseg.native import _core
-
-WORKING_SIZE = 400
-"""Pixels: longest side at which features are computed; larger images are first reduced by an integer factor."""
 
 SCALES = (0.7, 1.5, 3.0, 6.0)
 """Reduced pixels: standard deviations of the Gaussian smoothing."""
@@ -21,21 +20,7 @@ SCALES = (0.7, 1.5, 3.0, 6.0)
 GEODESIC_SCALES = SCALES[:3]
 """Scales at which barrier distances from the start are computed; at the coarsest scale borders merge."""
 
-SCALE_FEATURES = (
-    "light",
-    "red",
-    "blue",
-    "slope_light",
-    "slope_colour",
-    "slope",
-    "tensor1",
-    "tensor2",
-    "bend1",
-    "bend2",
-)
-"""Planes of one scale in the order of the native core: smoothed L, a, b, gradient sizes, structure tensor, Hessian."""
-
-COLOUR_FEATURES = (*SCALE_FEATURES[:3], "slope")
+COLOUR_FEATURES = (*TEXTURE[:3], "slope")
 """The planes of one scale that do not tell of shapes."""
 
 RELATIVE_FEATURES = ("from_light", "from_red", "from_blue", "from_start")
@@ -58,12 +43,8 @@ GEODESIC_SCALE, GEODESIC_STEP, MIN_COST = 1.5, 0.1, 1
 length counts a little."""
 
 
-def _names(texture: tuple[str, ...], scales: tuple[float, ...]) -> tuple[str, ...]:
-    return tuple(f"{name}@{scale:g}" for scale in scales for name in (*texture, *RELATIVE_FEATURES))
-
-
 DEFAULT_FEATURES = (
-    *_names(SCALE_FEATURES, SCALES),
+    *(f"{name}@{scale:g}" for scale in SCALES for name in (*TEXTURE, *RELATIVE_FEATURES)),
     *(f"{name}@{scale:g}" for scale in GEODESIC_SCALES for name in BARRIER_FEATURES),
     "way",
     "likeness",
@@ -89,48 +70,48 @@ class Features:
 
     Attributes
     ----------
-    planes : ndarray of float32, shape (F, h, w)
-        One plane for each of ``names``, all finite.
-    names : tuple of str
-        ``ALL_FEATURES``, ``DEFAULT_FEATURES`` or ``SHAPELESS_FEATURES``.
+    appearance : Appearance
+        The image, and what needs no start.
+    planes : dict of str to ndarray of float32, shape (h, w)
+        All finite, by ``ALL_FEATURES``, ``DEFAULT_FEATURES`` or ``SHAPELESS_FEATURES``.
     inside : ndarray of uint8, shape (h, w)
         1 in the start region.
-    factor : int
-        Pixels a side of the image that became one.
-    shape : tuple of int
-        (H, W) of the image.
     """
 
-    planes: Plane
-    names: tuple[str, ...]
+    appearance: Appearance
+    planes: dict[str, Plane]
     inside: Image
-    factor: int
-    shape: tuple[int, int]
+
+    @property
+    def factor(self) -> int:
+        """Pixels a side of the image that became one."""
+        return self.appearance.factor
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(H, W) of the image."""
+        return self.appearance.image.shape[:2]
 
     def __getitem__(self, name: str) -> Plane:
         """The plane of that name, shape (h, w)."""
-        plane: Plane = self.planes[self.names.index(name)]
-        return plane
+        return self.planes[name]
 
-
-def reduction(shape: tuple[int, ...], size: int = WORKING_SIZE) -> int:
-    """The integer factor by which an image of this shape is reduced."""
-    return max(1, -(-max(shape[:2]) // size))
+    def of_pixels(self, names: tuple[str, ...], chosen: Indices) -> Floats:
+        """Features of some pixels, counted row by row, shape (N, len(names))."""
+        return np.stack([self.planes[name].ravel()[chosen] for name in names], axis=1)
 
 
 def features(
-    image: Image, start: Mask, size: int = WORKING_SIZE, names: tuple[str, ...] = DEFAULT_FEATURES, least: float = 0.0
+    appearance: Appearance, start: Mask, names: tuple[str, ...] = DEFAULT_FEATURES, least: float = 0.0
 ) -> Features:
     """Features of an image and its start region.
 
     Parameters
     ----------
-    image : ndarray of uint8, shape (H, W) or (H, W, 3)
-        Grey or BGR.
+    appearance : Appearance
+        Of an image of shape (H, W) or (H, W, 3).
     start : ndarray of bool, shape (H, W)
         True in the start region: inside by definition.
-    size : int
-        Pixels a side that the reduced image may have.
     names : tuple of str
         What to look for: ``DEFAULT_FEATURES``, less (``SHAPELESS_FEATURES``), or more (``ALL_FEATURES``).
     least : float
@@ -141,43 +122,50 @@ def features(
     SegmentationError
         If no pixel is in the start region.
     """
-    shape = (image.shape[0], image.shape[1])
-    factor = reduction(shape, size)
-    inside = broadened(reduced_region(start, factor), least)
-    height, width = inside.shape
-    planes = np.empty((len(names), height, width), np.float32)
-    lab = np.empty((3, height, width), np.float32)
-    _core.evidence_lab(np.ascontiguousarray(image), factor, lab)
-    plain = names == SHAPELESS_FEATURES
-    looks, look = (
-        (len(COLOUR_FEATURES), _core.evidence_colour) if plain else (len(SCALE_FEATURES), _core.evidence_texture)
-    )
-    at = 0
+    inside, plain = broadened(reduced_region(start, appearance.factor), least), names == SHAPELESS_FEATURES
+    planes: dict[str, Plane] = {}
     for scale in GEODESIC_SCALES if plain else SCALES:
-        look(lab, scale, planes[at : at + looks])
-        at += looks
-        if not plain:
-            colours = planes[at - looks : at - looks + 3]
-            write_relative(colours, inside, colours, planes[at : at + len(RELATIVE_FEATURES)])
-            at += len(RELATIVE_FEATURES)
-    found = Features(planes, names, inside, factor, shape)
+        planes |= _colours(appearance, scale) if plain else _looks(appearance, scale, inside)
     for scale in GEODESIC_SCALES[:1] if plain else GEODESIC_SCALES:
-        _core.evidence_barrier(
-            found[f"slope@{scale:g}"], inside, GRADIENT_STEP, planes[at : at + len(BARRIER_FEATURES)]
-        )
-        at += len(BARRIER_FEATURES)
-    _likeness(found)
+        planes |= _at(scale, BARRIER_FEATURES, barriers(planes[f"slope@{scale:g}"], inside))
     if not plain:
-        geodesic(found[f"slope@{GEODESIC_SCALE:g}"], inside, found["way"])
-        _place(found)
+        planes["way"] = np.empty(inside.shape, np.float32)
+        geodesic(planes[f"slope@{GEODESIC_SCALE:g}"], inside, planes["way"])
+    planes["likeness"] = _likeness(appearance, inside)
+    if not plain:
+        planes |= _places(inside)
     if names == ALL_FEATURES:
-        open_areas(image, inside, factor, planes[-len(OPENING_FEATURES) :])
-    return found
+        planes |= zip(OPENING_FEATURES, open_areas(appearance.walls, inside), strict=True)
+    return Features(appearance, planes, inside)
+
+
+def _at(scale: float, names: tuple[str, ...], planes: Iterable[Plane]) -> dict[str, Plane]:
+    """Planes of a scale by their names."""
+    return {f"{name}@{scale:g}": plane for name, plane in zip(names, planes, strict=True)}
+
+
+def _colours(appearance: Appearance, scale: float) -> dict[str, Plane]:
+    return _at(scale, COLOUR_FEATURES, (*appearance.smoothed(scale), appearance.slope(scale)))
+
+
+def _looks(appearance: Appearance, scale: float, inside: Image) -> dict[str, Plane]:
+    """Textures at a scale, and colours there compared with those in the start region."""
+    texture, relative = appearance.texture(scale), np.empty((len(RELATIVE_FEATURES), *inside.shape), np.float32)
+    colours = appearance.smoothed(scale)
+    write_relative(colours, inside, colours, relative)
+    return _at(scale, (*TEXTURE, *RELATIVE_FEATURES), (*texture, *relative))
 
 
 def write_relative(lab: Plane, inside: Image, some: Plane, out: Plane) -> None:
     """Write ``RELATIVE_FEATURES`` of some pixels' L, a and b, by what these are in the start region of the whole plane."""
     _core.evidence_relative(lab, inside, DEVIATION_FLOOR, some, out)
+
+
+def barriers(heights: Plane, start: Image, out: Plane | None = None) -> Plane:
+    """What the minimax path from a start has to cross, a plane for each of ``BARRIER_FEATURES``."""
+    planes = np.empty((len(BARRIER_FEATURES), *heights.shape), np.float32) if out is None else out
+    _core.evidence_barrier(np.ascontiguousarray(heights), start, GRADIENT_STEP, planes)
+    return planes
 
 
 def geodesic(slope: Plane, inside: Image, out: Plane) -> None:
@@ -218,11 +206,6 @@ def broadened(inside: Image, least: float) -> Image:
     return found
 
 
-def reduced_shape(shape: tuple[int, ...], factor: int) -> tuple[int, int]:
-    """Rows and columns of the reduced image."""
-    return -(-shape[0] // factor), -(-shape[1] // factor)
-
-
 def reduced_mean(plane: Plane, factor: int) -> Plane:
     """Means over blocks of ``factor`` x ``factor`` pixels; blocks at the right and lower borders may be smaller."""
     counts = [np.minimum(np.arange(size, 0, -factor), factor) for size in plane.shape]
@@ -248,21 +231,14 @@ def enlarged(plane: Plane, factor: int, shape: tuple[int, int], stride: int = 1)
     return whole
 
 
-def startless_planes(image: Image, size: int, names: tuple[str, ...]) -> Plane:
-    """Planes of these names, shape (len(names), h, w), as `features` makes them; of those that need a start, zeros."""
-    factor = reduction(image.shape, size)
-    height, width = reduced_shape(image.shape, factor)
-    lab, looks = (np.empty((count, height, width), np.float32) for count in (3, len(SCALE_FEATURES)))
-    _core.evidence_lab(np.ascontiguousarray(image), factor, lab)
-    planes, place = np.zeros((len(names), height, width), np.float32), {name: at for at, name in enumerate(names)}
+def startless(appearance: Appearance) -> dict[str, Plane]:
+    """Planes that need no start, as `features` makes them."""
+    height, width = appearance.shape
+    x, y = np.empty((2, height, width), np.float32)
+    x[:], y[:] = _shares(width), _shares(height)[:, None]
+    planes = {"x": x, "y": y}
     for scale in SCALES:
-        _core.evidence_texture(lab, scale, looks)
-        for name, look in zip(SCALE_FEATURES, looks, strict=True):
-            if f"{name}@{scale:g}" in place:
-                planes[place[f"{name}@{scale:g}"]] = look
-    for name, values in (("x", _shares(width)), ("y", _shares(height)[:, None])):
-        if name in place:
-            planes[place[name]] = values
+        planes |= _at(scale, TEXTURE, appearance.texture(scale))
     return planes
 
 
@@ -272,20 +248,21 @@ def _shares(size: int) -> Floats:
     return found
 
 
-def _likeness(found: Features) -> None:
+def _likeness(appearance: Appearance, inside: Image) -> Plane:
     """Log likelihood ratio of a pixel's colour, in the start over in the image, smoothed by one pixel."""
-    light = found.names.index(f"light@{GEODESIC_SCALE:g}")
-    ratio = np.empty_like(found["likeness"])
-    _core.evidence_likelihood(found.planes[light : light + 3], found.inside, ratio)
-    _core.evidence_blur(ratio, 1.0, found["likeness"])
+    ratio = np.empty(inside.shape, np.float32)
+    _core.evidence_likelihood(appearance.smoothed(GEODESIC_SCALE), inside, ratio)
+    return blurred(ratio, 1.0)
 
 
-def _place(found: Features) -> None:
-    height, width = found.inside.shape
-    across, along = from_middle(found.inside)
-    found["x"][:], found["y"][:] = _shares(width), _shares(height)[:, None]
-    found["across"][:], found["along"][:] = across, along[:, None]
-    found["distance"][:] = distance_plane(across, along)
+def _places(inside: Image) -> dict[str, Plane]:
+    height, width = inside.shape
+    across, along = from_middle(inside)
+    planes = np.empty((len(PLACE_FEATURES), height, width), np.float32)
+    values = (_shares(width), _shares(height)[:, None], across, along[:, None], distance_plane(across, along))
+    for plane, value in zip(planes, values, strict=True):
+        plane[:] = value
+    return dict(zip(PLACE_FEATURES, planes, strict=True))
 
 
 def from_middle(inside: Image) -> tuple[Floats, Floats]:

@@ -13,7 +13,7 @@ import os
 import struct
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -23,12 +23,12 @@ from numpy.typing import NDArray
 
 from ffseg.arrays import Image, Mask, Plane
 from ffseg.errors import ImageReadError, ParameterError
-from ffseg.evidence.features import ALL_FEATURES, DEFAULT_FEATURES, WORKING_SIZE, Features, enlarged, features
+from ffseg.evidence.features import ALL_FEATURES, DEFAULT_FEATURES, Features, enlarged, features
 from ffseg.evidence.maps import probability
 from ffseg.evidence.openings import OPENING_FEATURES
 from ffseg.evidence.surroundings import STRIDE, voted, write_strided
+from ffseg.image.appearance import WORKING_SIZE, Appearance
 from ffseg.image.edges import ScoreCalibration
-from ffseg.image.exposure import normalised_exposure
 from ffseg.io.files import printable, read_bytes
 from ffseg.native import _core
 
@@ -62,7 +62,7 @@ OPENING_NAMES = frozenset(OPENING_FEATURES)
 REMEDY = "make it again with ffseg learn"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Forest:
     """A boosted forest that classifies pixels as inside or outside.
 
@@ -80,8 +80,9 @@ class Forest:
     features: tuple[str, ...] = DEFAULT_FEATURES
     bias: float = 0.0
 
-    def compiled(self) -> _core.EvidenceForest:
-        """The forest in the native core.
+    @cached_property
+    def native(self) -> _core.EvidenceForest:
+        """The forest in the native core, made once.
 
         Raises
         ------
@@ -91,38 +92,18 @@ class Forest:
         arrays = {name: np.ascontiguousarray(self.arrays[name], kind[1:]) for name, kind, _ in ARRAYS}
         return _core.EvidenceForest(**arrays, features=len(self.features))
 
-    def log_odds(self, planes: Plane, native: _core.EvidenceForest | None = None) -> Plane:
+    def log_odds(self, planes: Plane) -> Plane:
         """Log odds of inside for each pixel, shape (h, w).
 
         Parameters
         ----------
         planes : ndarray of float32, shape (F, h, w)
             The features that the forest asks for, in the order of ``features``.
-        native : EvidenceForest, optional
-            What ``compiled`` returned, to be used for many images.
         """
         score = np.empty(planes.shape[1:], np.float32)
-        (native or self.compiled()).score(planes, score)
+        self.native.score(planes, score)
         found: Plane = score + np.float32(self.bias)
         return found
-
-    def probability(self, planes: Plane, native: _core.EvidenceForest | None = None) -> Plane:
-        """Probability of inside for each reduced pixel.
-
-        Parameters
-        ----------
-        planes : ndarray of float32, shape (F, h, w)
-            All features, in the order of ``ALL_FEATURES``, or those of ``DEFAULT_FEATURES`` if the forest asks for no others.
-        native : EvidenceForest, optional
-            What ``compiled`` returned, to be used for many images.
-
-        Returns
-        -------
-        ndarray of float32, shape (h, w)
-        """
-        if self.features != ALL_FEATURES[: len(planes)]:
-            planes = np.ascontiguousarray(planes[[ALL_FEATURES.index(name) for name in self.features]])
-        return probability(self.log_odds(planes, native))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -160,16 +141,16 @@ class Model:
             return ScoreCalibration(1.0, ratio)
         return UNMEASURED
 
-    def look(self, image: Image, start: Mask) -> Features:
+    def appearance(self, image: Image) -> Appearance:
+        """The image as the model expects it, with or without the correction of exposure."""
+        return Appearance(image, self.size, self.exposed)
+
+    def look(self, image: Appearance, start: Mask) -> Features:
         """The features that the model needs of an image and a start region (see `features`)."""
         opened = not OPENING_NAMES.isdisjoint(self.inside.features)
-        return features(self.shown(image), start, self.size, ALL_FEATURES if opened else DEFAULT_FEATURES)
+        return features(image, start, ALL_FEATURES if opened else DEFAULT_FEATURES)
 
-    def shown(self, image: Image) -> Image:
-        """The image as the model expects it, with or without the correction of exposure."""
-        return normalised_exposure(image) if self.exposed else image
-
-    def map(self, seen: Features, native: _core.EvidenceForest | None = None, prior: Plane | None = None) -> Plane:
+    def map(self, seen: Features, prior: Plane | None = None) -> Plane:
         """Probability of inside for each pixel of the image, shape (H, W).
 
         Parameters
@@ -185,16 +166,12 @@ class Model:
         """
         planes = np.empty((len(self.inside.features), *seen.inside[::STRIDE, ::STRIDE].shape), np.float32)
         write_strided(seen, self.inside.features, planes)
-        smooth = voted(np.clip(self.inside.log_odds(planes, native), -MAX_VOTE, MAX_VOTE), seen)
+        smooth = voted(np.clip(self.inside.log_odds(planes), -MAX_VOTE, MAX_VOTE), seen)
         if not self.prior:
             return enlarged(probability(smooth), seen.factor, seen.shape, STRIDE)
         if prior is None:
             raise ValueError("this model asks the prior; give its log odds")
         return probability(enlarged(smooth, seen.factor, seen.shape, STRIDE) + np.float32(self.prior) * prior)
-
-
-Compiled = tuple[Model, _core.EvidenceForest]
-"""A model, and its first forest in the native core."""
 
 
 def to_bytes(model: Model) -> bytes:
@@ -246,12 +223,11 @@ have been one, and then gives the planes of every image back and asks for them a
 
 
 @lru_cache(maxsize=4)
-def shipped(path: Path, known: tuple[str, ...]) -> Compiled:
+def shipped(path: Path, known: tuple[str, ...]) -> Model:
     """A model that is part of the package, read once."""
     with suppress(MemoryError):  # there may be room for a small image only
         np.empty(FREED_BYTES, np.uint8)  # and freed; none of its pages is touched
-    model = load_model(path, known)
-    return model, model.inside.compiled()
+    return load_model(path, known)
 
 
 def from_bytes(data: bytes, known: tuple[str, ...] = ALL_FEATURES) -> Model:
@@ -282,7 +258,7 @@ def from_bytes(data: bytes, known: tuple[str, ...] = ALL_FEATURES) -> Model:
         own = pieces[place * len(ARRAYS) : (place + 1) * len(ARRAYS)]
         arrays = {key: np.frombuffer(piece, kind) for (key, kind, _), piece in zip(ARRAYS, own, strict=True)}
         forests[name] = Forest(arrays, tuple(one["features"]), float(one["bias"]))
-        forests[name].compiled()
+        _ = forests[name].native  # refuses what is no forest
     said = header["size"], header["about"], header["exposed"], float(header["prior"])
     return Model(forests["inside"], forests.get("start"), *said)
 

@@ -18,13 +18,12 @@ import numpy as np
 
 from ffseg.arrays import Image, Mask, Plane
 from ffseg.evidence import prior
-from ffseg.evidence.features import BARRIER_FEATURES, Features, broadened, geodesic, reduced_region
+from ffseg.evidence.features import BARRIER_FEATURES, Features, barriers, broadened, geodesic, reduced_region
 from ffseg.evidence.forest import shipped
 from ffseg.evidence.maps import blurred, logarithm
 from ffseg.evidence.prior import MAX_LOG_ODDS, MIN_START_RADIUS, SMOOTHING
 from ffseg.evidence.surroundings import (
     STRIDE,
-    barriers,
     colours_of,
     likelihood_ratio,
     likeness,
@@ -180,8 +179,8 @@ def hints(
     view = hint_view(see(shown), beyond)
     if view.is_even():
         return None
-    model, native = shipped(MODEL, FEATURE_NAMES)
-    odds = np.clip(model.inside.log_odds(all_planes(view, click, base(shown)), native), -MAX_LOG_ODDS, MAX_LOG_ODDS)
+    forest = shipped(MODEL, FEATURE_NAMES).inside
+    odds = np.clip(forest.log_odds(all_planes(view, click, base(shown))), -MAX_LOG_ODDS, MAX_LOG_ODDS)
     return near_and_elsewhere(odds, view, click)
 
 

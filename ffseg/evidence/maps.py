@@ -7,7 +7,6 @@ from math import log
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ffseg.arrays import Mask, Plane
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap
@@ -191,31 +190,3 @@ def blurred(plane: Plane, sigma: float) -> Plane:
     out = np.empty_like(plane)
     _core.evidence_blur(np.ascontiguousarray(plane), sigma, out)
     return out
-
-
-def of_blocks(ufunc: np.ufunc, plane: NDArray[Level], factor: int) -> NDArray[Level]:
-    """`np.add` or `np.maximum` over blocks of ``factor`` x ``factor`` pixels; those at the right and lower borders are smaller.
-
-    A slice a row of the blocks, as `reduceat` takes five to ten times as long.
-    """
-    found = plane
-    for _ in range(2):  # rows, then columns
-        before, found = found, found[::factor].copy()
-        for row in range(1, factor):
-            part = before[row::factor]
-            ufunc(found[: len(part)], part, out=found[: len(part)])
-        found = found.T
-    return np.ascontiguousarray(found)
-
-
-def dilated(region: NDArray[Level], width: int) -> NDArray[Level]:
-    """The largest value in the square of that odd width round each pixel."""
-    found = region
-    for axis in (0, 1):
-        before = found if axis == 0 else found.T
-        grown = before.copy()
-        for step in range(1, width // 2 + 1):
-            np.maximum(grown[step:], before[:-step], out=grown[step:])
-            np.maximum(grown[:-step], before[step:], out=grown[:-step])
-        found = grown if axis == 0 else grown.T
-    return np.ascontiguousarray(found)

@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ffseg.arrays import Image, Plane
-from ffseg.evidence.maps import dilated, of_blocks
-from ffseg.image.edges import edge_map
+from ffseg.image.parts import dilated, parts_holding
 from ffseg.native import _core
-from ffseg.parameters import Edges
 
 PASSAGE_WIDTHS = (1, 3, 5, 9)
 """Widths in reduced pixels; a narrower passage between edges is shut."""
@@ -20,33 +18,21 @@ OPENING_FEATURES = (*(f"open{width}" for width in PASSAGE_WIDTHS), *(f"open{widt
 """Names of the planes in their order: 1 on open areas and 0 elsewhere, then the same smoothed."""
 
 
-def open_areas(image: Image, inside: Image, factor: int, out: Plane) -> None:
-    """Write the planes that ``OPENING_FEATURES`` names.
+def open_areas(walls: Image, inside: Image) -> Plane:
+    """The planes that ``OPENING_FEATURES`` names, shape (len(OPENING_FEATURES), h, w).
 
     Parameters
     ----------
-    image : ndarray of uint8, shape (H, W) or (H, W, 3)
+    walls : ndarray of uint8, shape (h, w)
+        1 where a reduced pixel holds an edge of the whole image: on reduced images faint borders are lost, and their edges
+        teach hardly anything.
     inside : ndarray of uint8, shape (h, w)
         Nonzero in the start region, which is open itself.
-    factor : int
-        Pixels a side of the image that became one.
-    out : ndarray of float32, shape (len(OPENING_FEATURES), h, w)
-
-    Notes
-    -----
-    Edges are found in the whole image, with the thresholds of the defaults; a reduced pixel with an edge in it is a wall.
-    On reduced images faint borders are lost: their edges teach hardly anything.
     """
-    walls = _reduced_any(edge_map(image, Edges()).edges, factor)
-    planes = np.empty((5, *inside.shape), np.float32)
+    out, start = np.empty((len(OPENING_FEATURES), *inside.shape), np.float32), inside > 0
     for place, width in enumerate(PASSAGE_WIDTHS):
-        shut = dilated(walls, width)
-        _core.evidence_barrier(shut.astype(np.float32), inside, 1.0, planes)
-        reached = dilated(((planes[0] == 0) & (shut == 0)).astype(np.uint8), width)
-        out[place] = reached | (inside > 0)
+        free = dilated(walls, width) == 0
+        reached = parts_holding(free | start, start) & free
+        out[place] = (dilated(reached.view(np.uint8), width) > 0) | start
         _core.evidence_blur(out[place], SMOOTHING, out[place + len(PASSAGE_WIDTHS)])
-
-
-def _reduced_any(edges: Image, factor: int) -> Image:
-    """1 where a block of ``factor`` x ``factor`` pixels holds an edge."""
-    return np.minimum(of_blocks(np.maximum, edges, factor), np.uint8(1))
+    return out

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ffseg.arrays import Image, Mask, Plane
+from ffseg.arrays import Mask, Plane
 from ffseg.evidence.features import (
     BARRIER_FEATURES,
     COLOUR_FEATURES,
@@ -29,12 +29,12 @@ from ffseg.evidence.features import (
     reduced_region,
     write_relative,
 )
-from ffseg.evidence.forest import Compiled, shipped
+from ffseg.evidence.forest import shipped
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import blurred, odds_edges
 from ffseg.evidence.surroundings import STRIDE, SURROUNDINGS_FEATURES, strided, surroundings, voted, write_strided
+from ffseg.image.appearance import Appearance
 from ffseg.image.edges import EdgeMap
-from ffseg.image.exposure import normalised_exposure
 from ffseg.native import _core
 from ffseg.scene import Scene
 from ffseg.starts.parts import start_core
@@ -74,11 +74,6 @@ CAUTION = 0.32
 mean IoU of pixels gains .012 (standard error .003) on kinds left out, .004 on kinds that were learned from."""
 
 
-def model() -> Compiled:
-    """The forest, as read and as compiled in the native core."""
-    return shipped(MODEL, FEATURE_NAMES)
-
-
 @dataclass(frozen=True, eq=False)
 class PriorView:
     """An image seen from a start: the input of the forest.
@@ -98,8 +93,8 @@ class PriorView:
     @cached_property
     def forest_odds(self) -> Plane:
         """Log odds of the forest before smoothing, shape (h, w), at most ``MAX_LOG_ODDS`` in absolute value."""
-        forest, native = model()
-        return np.clip(forest.inside.log_odds(self.planes, native), -MAX_LOG_ODDS, MAX_LOG_ODDS)
+        forest = shipped(MODEL, FEATURE_NAMES).inside
+        return np.clip(forest.log_odds(self.planes), -MAX_LOG_ODDS, MAX_LOG_ODDS)
 
     @property
     def odds(self) -> Plane:
@@ -112,18 +107,18 @@ class PriorView:
         return self.odds - np.float32(CAUTION)
 
 
-def prior_view(image: Image, starts: Mask) -> PriorView:
+def prior_view(image: Appearance, starts: Mask) -> PriorView:
     """The input of the forest."""
-    return PriorView(start_features(image, starts, model()[0].size))
+    return PriorView(start_features(image, starts))
 
 
-def prior(image: Image, starts: Mask) -> Plane:
+def prior(image: Appearance, starts: Mask) -> Plane:
     """Log odds that pixels belong to the region of the start.
 
     Parameters
     ----------
-    image : ndarray of uint8, shape (H, W) or (H, W, 3)
-        Grey or BGR.
+    image : Appearance
+        In even exposure, of an image of shape (H, W) or (H, W, 3).
     starts : ndarray of bool, shape (H, W)
         Pixels of the start region, at least one.
 
@@ -138,14 +133,14 @@ def prior(image: Image, starts: Mask) -> Plane:
     return whole
 
 
-def cautious_prior(image: Image, starts: Mask) -> Plane:
+def cautious_prior(image: Appearance, starts: Mask) -> Plane:
     """The same less `CAUTION`: the region ends where they are 0."""
     return prior(image, starts) - np.float32(CAUTION)
 
 
-def start_features(image: Image, starts: Mask, size: int, least: float = MIN_START_RADIUS) -> Features:
+def start_features(image: Appearance, starts: Mask, least: float = MIN_START_RADIUS) -> Features:
     """Features for the prior, from a start that is enlarged to the radius `least` if it is smaller."""
-    return features(normalised_exposure(image), starts, size, SHAPELESS_FEATURES, least)
+    return features(image, starts, SHAPELESS_FEATURES, least)
 
 
 def all_planes(seen: Features) -> Plane:
@@ -166,8 +161,7 @@ def write_pixel_features(seen: Features, out: Plane) -> None:
     for scale, planes in zip(GEODESIC_SCALES, np.split(out[:-rest], len(GEODESIC_SCALES)), strict=True):
         names = tuple(f"{name}@{scale:g}" for name in SMOOTHED)
         write_strided(seen, names, planes[:count])
-        first = seen.names.index(names[0])
-        write_relative(seen.planes[first : first + count], seen.inside, planes[:count], planes[count:])
+        write_relative(seen.appearance.smoothed(scale), seen.inside, planes[:count], planes[count:])
     write_strided(seen, UNSCALED, out[-rest:-1])
     across, along = from_middle(seen.inside)
     out[-1] = distance_plane(across[::STRIDE], along[::STRIDE])
@@ -185,4 +179,6 @@ def with_prior(scene: Scene, image_edges: EdgeMap) -> EdgeMap:
         starts &= domain > 0
     if not starts.any():
         return image_edges
-    return odds_edges(cautious_prior(scene.image, starts), scene.params.region.probability, image_edges, "prior")
+    return odds_edges(
+        cautious_prior(Appearance(scene.image), starts), scene.params.region.probability, image_edges, "prior"
+    )

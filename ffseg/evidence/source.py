@@ -10,21 +10,22 @@ from typing import Any
 
 import numpy as np
 
-from ffseg.arrays import Image, Mask, Plane
+from ffseg.arrays import Mask, Plane
 from ffseg.errors import ImageReadError, ParameterError, SegmentationError
 from ffseg.evidence.clicks import with_clicks
-from ffseg.evidence.features import reduced_mean, reduction, startless_planes
-from ffseg.evidence.forest import Compiled, Model, load_model
+from ffseg.evidence.features import reduced_mean
+from ffseg.evidence.forest import Model, load_model
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import LEVEL, at_level, certain_odds, evidence_edges, probability, strength_edges
 from ffseg.evidence.prior import prior
 from ffseg.evidence.recent import Recent
+from ffseg.evidence.surroundings import STRIDE, startless_planes
+from ffseg.image.appearance import WORKING_SIZE, Appearance
 from ffseg.image.checked import require_size
 from ffseg.image.edges import PRIOR_CALIBRATION, EdgeMap, ScoreCalibration
 from ffseg.image.parts import connected_parts
 from ffseg.image.raster import rasterize
 from ffseg.io.files import printable, read_bytes
-from ffseg.native import _core
 from ffseg.parameters import Network, Parameters
 from ffseg.scene import Scene
 from ffseg.starts.initial import circle_start, middles
@@ -69,10 +70,11 @@ def model_edges(scene: Scene) -> EdgeMap:
     if path.endswith(NETWORK_SUFFIX):
         return _edges(scene, joined(_network_map(scene, path)), own, "model", boxed)
 
-    model, native = ready(path)
+    model = ready(path)
+    appearance = scene.appearance if isinstance(scene.appearance, Appearance) else model.appearance(scene.image)
 
     def say(start: Mask) -> Plane:
-        make = partial(model_odds, model, scene.image, start, native)
+        make = partial(model_odds, model, appearance, start)
         return joined(_answers.of(scene.image, (path, _mark(path)), make, start) if scene.has_hints else make())
 
     promised = boxed or model.calibration
@@ -103,8 +105,8 @@ def _before_clicks(scene: Scene) -> Mask:
     return start_core(replace(scene, starts=scene.starts[:FIRST_CIRCLES]))
 
 
-def model_odds(model: Model, image: Image, start: Mask, native: _core.EvidenceForest | None = None) -> Plane:
-    """Probability of inside by a model, for an image and its start region, with the prior where the model uses it.
+def model_odds(model: Model, image: Appearance, start: Mask) -> Plane:
+    """Probability of inside by a model, for an image as it sees it and a start region, with the prior where the model uses it.
 
     Returns
     -------
@@ -112,7 +114,10 @@ def model_odds(model: Model, image: Image, start: Mask, native: _core.EvidenceFo
         Probability of inside.
     """
     seen = model.look(image, start)
-    return model.map(seen, native, prior(image, start) if model.prior else None)
+    if not model.prior:
+        return model.map(seen)
+    alike = image.even and image.size == WORKING_SIZE
+    return model.map(seen, prior(image if alike else Appearance(image.image), start))
 
 
 def _network_map(scene: Scene, path: str) -> Plane:
@@ -154,8 +159,8 @@ def _edges(
     return edges if edges is own else replace(edges, calibration=calibration)
 
 
-def with_model_start(image: Image, params: Parameters, background: Image | None = None) -> Parameters:
-    """The parameters with the start that a model finds, if any; further circles given in them follow it.
+def with_model_start(scene: Scene) -> Scene:
+    """The scene with the start that a model finds, if any; further circles given in its parameters follow it.
 
     Raises
     ------
@@ -168,49 +173,51 @@ def with_model_start(image: Image, params: Parameters, background: Image | None 
     lies in that, the circles take its place or, without any, a disc in what is left. A centre, boxes or a mask that are named
     take its place, too.
     """
+    params, image = scene.params, scene.image
     path, init = params.edges.model, params.init
     elsewhere = init.center != "auto" or init.boxes or init.mask
     if path is None or elsewhere or not path.endswith(FOREST_SUFFIX):
-        return params
-    model, most = ready(path)[0], init.radius_in(image.shape)
-    find = partial(model_start, image, model, most)
+        return scene
+    model, most = ready(path), init.radius_in(image.shape)
+    seen = model.appearance(image)
+    scene, find = replace(scene, appearance=seen), partial(model_start, seen, model, most)
     circle = _answers.of(image, (path, _mark(path), most), find) if init.circles or init.background else find()
-    if circle is not None and (init.background or background is not None):
-        outside = seeds(init.background, np.zeros(image.shape[:2], np.bool_), background)
+    if circle is not None and scene.clicked_outside:
+        outside = seeds(init.background, np.zeros(scene.shape, np.bool_), scene.background)
         if (outside & rasterize([circle_start(circle, params)], outside.shape)).any():
             if init.circles:
-                return params
-            circle = model_start(image, model, most, outside)
+                return scene
+            circle = model_start(seen, model, most, outside)
             if circle is None:
                 raise SegmentationError(
                     "the model finds no start beside what is known to lie outside; add one, in init.circles"
                 )
     if circle is None:
-        return params
+        return scene
     later = tuple((*seed[:3], seed[3] + 1) if len(seed) == 4 else seed for seed in init.background)
-    return replace(params, init=replace(init, circles=(circle, *init.circles), background=later))
+    return replace(scene, params=replace(params, init=replace(init, circles=(circle, *init.circles), background=later)))
 
 
 def model_start(
-    image: Image, model: Model, most: float, outside: Mask | None = None
+    image: Appearance, model: Model, most: float, outside: Mask | None = None
 ) -> tuple[float, float, float] | None:
     """Centre and radius (px, at most `most`) of a disc in the largest sure region not known `outside`, or None."""
     if model.start is None:
         return None
-    factor = reduction(image.shape, model.size)
-    planes = startless_planes(model.shown(image), model.size, model.start.features)
-    sure = probability(model.start.log_odds(planes)) >= LEVEL
+    factor = image.factor * STRIDE
+    sure = probability(model.start.log_odds(startless_planes(image, model.start.features))) >= LEVEL
     if outside is not None:
         sure &= reduced_mean(outside.astype(np.float32), factor) == 0
     if not sure.any():
         return None
     regions = connected_parts(sure)
     ((x, y, depth),) = discs(sure, regions, np.array([regions.areas.argmax()]), np.inf)
-    return (x + 0.5) * factor - 0.5, (y + 0.5) * factor - 0.5, min(most, max(depth, MIN_START_RADIUS) * factor)
+    x, y = (STRIDE * at * image.factor + (image.factor - 1) / 2 for at in (x, y))
+    return x, y, min(most, max(depth * factor, MIN_START_RADIUS * image.factor))
 
 
-def ready(path: str) -> Compiled:
-    """A model and its first forest in the native core, kept in memory while the file is unchanged.
+def ready(path: str) -> Model:
+    """A model, kept in memory while the file is unchanged.
 
     Raises
     ------
@@ -225,7 +232,7 @@ def learned_from(params: Parameters) -> frozenset[str]:
     path = params.edges.model
     if path is None or not path.endswith(FOREST_SUFFIX):
         return frozenset()
-    names = ready(path)[0].about.get("images")
+    names = ready(path).about.get("images")
     return frozenset(one for one in names if isinstance(one, str)) if isinstance(names, list) else frozenset()
 
 
@@ -266,9 +273,8 @@ def _mark(path: str) -> tuple[int, int, int]:
 
 
 @lru_cache(maxsize=4)
-def _model(path: str, mark: tuple[int, int, int]) -> Compiled:  # noqa: ARG001 - part of the key
-    model = load_model(path)
-    return model, model.inside.compiled()
+def _model(path: str, mark: tuple[int, int, int]) -> Model:  # noqa: ARG001 - part of the key
+    return load_model(path)
 
 
 @lru_cache(maxsize=2)

@@ -15,11 +15,14 @@ from ffseg.evidence.features import (
     GRADIENT_STEP,
     SCALES,
     Features,
+    barriers,
     geodesic,
     reduced_region,
-    reduced_shape,
+    startless,
 )
-from ffseg.evidence.maps import dilated, logarithm, logarithm_of
+from ffseg.evidence.maps import logarithm, logarithm_of
+from ffseg.image.appearance import Appearance, reduced_shape
+from ffseg.image.parts import dilated
 from ffseg.native import _core
 
 STRIDE = 2
@@ -88,8 +91,15 @@ def surroundings(seen: Features, out: Plane) -> None:
 
 def write_strided(seen: Features, names: tuple[str, ...], out: Plane) -> None:
     """Write every ``STRIDE``-th pixel each way of the planes of those names."""
-    places = {name: place for place, name in enumerate(seen.names)}
-    _core.evidence_thin(seen.planes, np.array([places[name] for name in names], np.int32), out)
+    _core.evidence_thin([seen[name] for name in names], out)
+
+
+def startless_planes(appearance: Appearance, names: tuple[str, ...]) -> Plane:
+    """Every ``STRIDE``-th pixel each way of the planes of those names; zeros of those that need a start."""
+    known, none = startless(appearance), np.zeros(appearance.shape, np.float32)
+    planes = np.empty((len(names), *reduced_shape(none.shape, STRIDE)), np.float32)
+    _core.evidence_thin([known.get(name, none) for name in names], planes)
+    return planes
 
 
 def colours_of(seen: Features) -> Plane:
@@ -172,10 +182,3 @@ def _frame(shape: tuple[int, int], width: int) -> Image:
     frame = np.ones(shape, np.uint8)
     frame[width:-width, width:-width] = 0
     return frame
-
-
-def barriers(heights: Plane, start: Image, out: Plane | None = None) -> Plane:
-    """What the minimax path from a start has to cross, a plane for each of ``BARRIER_FEATURES``."""
-    planes = np.empty((len(BARRIER_FEATURES), *heights.shape), np.float32) if out is None else out
-    _core.evidence_barrier(np.ascontiguousarray(heights), start, GRADIENT_STEP, planes)
-    return planes

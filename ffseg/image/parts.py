@@ -1,16 +1,19 @@
-"""Connected components of a mask."""
+"""Connected components of a mask, and what lies near them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.arrays import Image, Indices, Mask
+
+Level = TypeVar("Level", np.uint8, np.float32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,3 +76,8 @@ def scattered(mask: Mask) -> Iterator[tuple[tuple[slice, slice], Parts]]:
         columns = np.flatnonzero(mask[top:end].any(axis=0)).tolist()
         window = slice(top, end), slice(columns[0], columns[-1] + 1)
         yield window, connected_parts(mask[window])
+
+
+def dilated(region: NDArray[Level], width: int) -> NDArray[Level]:
+    """The largest value in the square of that odd width round each pixel."""
+    return np.asarray(cv2.dilate(region, np.ones((width, width), np.uint8)), region.dtype)

@@ -25,15 +25,15 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.arrays import Array, Floats, Image, Mask, Plane
+from ffseg.arrays import Array, Floats, Mask, Plane
 from ffseg.evidence import base, box, hints, prior
 from ffseg.evidence.clicks import HALF, Click, ClickedImage, first_state, next_state
-from ffseg.evidence.features import DEFAULT_FEATURES, PLACE_FEATURES, WORKING_SIZE, features
-from ffseg.evidence.forest import Compiled, Model, load_model, to_bytes
+from ffseg.evidence.features import DEFAULT_FEATURES, PLACE_FEATURES, features
+from ffseg.evidence.forest import Model, load_model, to_bytes
 from ffseg.evidence.maps import certain_odds
 from ffseg.evidence.source import model_odds
 from ffseg.evidence.surroundings import STRIDE
-from ffseg.image.exposure import normalised_exposure
+from ffseg.image.appearance import WORKING_SIZE, Appearance
 from ffseg.image.raster import window_of
 from ffseg.io.files import write_bytes_atomic
 from ffseg.io.images import prepare_worker
@@ -199,15 +199,15 @@ def prior_samples(kind: str, count: int) -> list[tuple[list[Samples], list[Sampl
 
 def for_prior(seen: Sight, rng: np.random.Generator) -> Samples:
     """Samples of labelled pixels with the features of the prior."""
-    found = prior.start_features(seen.image, seen.disc(), WORKING_SIZE, LEARNED_START)
+    found = prior.start_features(Appearance(seen.image), seen.disc(), LEARNED_START)
     known = known_pixels(seen.truth, found.factor)[::STRIDE, ::STRIDE]
     return sampled(prior.all_planes(found), known, rng)
 
 
 def for_base(seen: Sight, rng: np.random.Generator) -> Samples:
     """Samples of labelled pixels with the features of the base."""
-    found = features(normalised_exposure(seen.image), seen.disc())
-    planes = found.planes[[DEFAULT_FEATURES.index(name) for name in BASE_FEATURES]]
+    found = features(Appearance(seen.image), seen.disc())
+    planes = np.stack([found[name] for name in BASE_FEATURES])
     return sampled(planes, known_pixels(seen.truth, found.factor), rng)
 
 
@@ -227,15 +227,14 @@ def hint_samples(kind: str, count: int, answered: int, folder: Path) -> list[Sam
     return found
 
 
-def models_of(kind: str, count: int) -> list[Compiled]:
-    """Models of a kind of drawings, as `ffseg learn` makes them, ready to be asked."""
+def models_of(kind: str, count: int) -> list[Model]:
+    """Models of a kind of drawings, as `ffseg learn` makes them."""
     taught = list(sights(kind, 2 * TAUGHT * count, FIRST_TAUGHT))[::2]  # two are at one picture
     known = [samples_by_default(one.image, one.truth) for one in taught]
-    models = [learned(known[first : first + TAUGHT]) for first in range(0, len(known), TAUGHT)]
-    return [(model, model.inside.compiled()) for model in models]
+    return [learned(known[first : first + TAUGHT]) for first in range(0, len(known), TAUGHT)]
 
 
-def for_clicks(seen: Sight, rng: np.random.Generator, model: Compiled | None = None) -> list[Samples]:
+def for_clicks(seen: Sight, rng: np.random.Generator, model: Model | None = None) -> list[Samples]:
     """Samples near each click of a simulated user but the first, where it may correct the state before it.
 
     What clicks show is guessed, as the forest that is to tell it grows from this. They correct what the prior says or, if
@@ -243,9 +242,9 @@ def for_clicks(seen: Sight, rng: np.random.Generator, model: Compiled | None = N
     """
     shape, clicks, found = seen.truth.shape, Clicks((seen.start,)), list[Samples]()
     inside, outside = clicks.regions(shape)
-    answer = None if model is None else partial(_answer, model, seen.image)
+    answer = None if model is None else partial(_answer, model, model.appearance(seen.image))
     clicked = ClickedImage(seen.image, inside, outside, None if answer is None else answer(inside), 0.0, None, answer)
-    own, say = prior.prior_view(seen.image, clicked.inside), clicked.reduced_base
+    own, say = prior.prior_view(clicked.appearance, clicked.inside), clicked.reduced_base
     state = first_state(clicked, own.cautious_odds if say is None else say, clicked.inside)
     for _ in range(int(rng.integers(*CLICKS))):
         mask = (clicked.enlarged(state.odds) > 0) & (clicked.enlarged(state.stays) >= HALF) & ~outside | inside
@@ -257,7 +256,7 @@ def for_clicks(seen: Sight, rng: np.random.Generator, model: Compiled | None = N
         last = clicked.correction(state, clicked.disc(one), within, len(clicks.outside) == 1)
         inside, outside = clicks.regions(shape)
         if within:
-            own, say = prior.prior_view(seen.image, inside), clicked.base_from(inside)
+            own, say = prior.prior_view(clicked.appearance, inside), clicked.base_from(inside)
         view = hints.hint_view(own, outside & ~inside)
         planes = hints.all_planes(view, last, say)
         known, near = known_pixels(seen.truth, view.seen.factor)[::STRIDE, ::STRIDE], clicked.near(last)
@@ -276,10 +275,9 @@ def for_clicks(seen: Sight, rng: np.random.Generator, model: Compiled | None = N
     return found
 
 
-def _answer(model: Compiled, image: Image, start: Mask) -> Plane:
+def _answer(model: Model, image: Appearance, start: Mask) -> Plane:
     """What a model says, in log odds, as clicks correct it."""
-    forest, native = model
-    return certain_odds(model_odds(forest, image, start, native))
+    return certain_odds(model_odds(model, image, start))
 
 
 def for_box(kind: str, number: int, seen: Sight) -> list[Samples]:

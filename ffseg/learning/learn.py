@@ -10,16 +10,16 @@ from statistics import mean, pstdev, stdev
 import numpy as np
 
 from ffseg import __version__
-from ffseg.arrays import Image, Mask, Plane
+from ffseg.arrays import Mask, Plane
 from ffseg.batch.plan.sources import InputImage
 from ffseg.batch.workers.pictures import read_source
 from ffseg.errors import ImageReadError, SegmentationError, UsageError
-from ffseg.evidence.features import ALL_FEATURES, features
+from ffseg.evidence.features import ALL_FEATURES, Features, features
 from ffseg.evidence.forest import MODEL_ODDS_RATIO, UNMEASURED, Model
 from ffseg.evidence.prior import prior
 from ffseg.evidence.source import model_odds, model_start
+from ffseg.image.appearance import Appearance
 from ffseg.image.edges import PRIOR_CALIBRATION, ScoreCalibration
-from ffseg.image.exposure import normalised_exposure
 from ffseg.io.files import printable
 from ffseg.io.tables import counted, without_nan
 from ffseg.learning.gather import LabelledImage, TrainingSet, known_share, start_region
@@ -197,11 +197,14 @@ def _without_model(params: Parameters) -> Parameters:
 def _overlap(one: LabelledImage, model: Model | None) -> tuple[float, float | None]:
     """IoU of the contour on an image, with a model's probabilities or without a model, and what these promised of it."""
     params, start = _without_model(one.params), one.start
-    if start is None and model is not None:
-        circle = model_start(one.image, model, params.init.radius_in(one.image.shape))
+    if model is None:
+        return _contoured(one, params, None)
+    seen = model.appearance(one.image)
+    if start is None:
+        circle = model_start(seen, model, params.init.radius_in(one.image.shape))
         params = params if circle is None else replace(params, init=replace(params.init, circles=(circle,)))
         start = start_region(one.image.shape[:2], params)
-    return _contoured(one, params, None if model is None or start is None else model_odds(model, one.image, start))
+    return _contoured(one, params, None if start is None else model_odds(model, seen, start))
 
 
 def _contoured(one: LabelledImage, params: Parameters, evidence: Plane | None) -> tuple[float, float | None]:
@@ -223,12 +226,11 @@ def _curve(labelled: Sequence[LabelledImage], chosen: Sequence[Samples]) -> tupl
     """
     count, rng, points = len(chosen), np.random.default_rng(0), []
     labelled = [_started(replace(one, params=_without_model(one.params)), rng) for one in labelled]
-    seen = [
-        features(normalised_exposure(one.image), one.start, names=ALL_FEATURES)
-        for one in labelled
-        if one.start is not None
-    ]
-    odds = [prior(one.image, one.start) for one in labelled if one.start is not None]
+    seen, odds = list[Features](), list[Plane]()
+    for one in labelled:
+        if one.start is not None:
+            seen.append(features(Appearance(one.image), one.start, ALL_FEATURES))
+            odds.append(prior(seen[-1].appearance, one.start))
     if len(seen) < count:
         return ()
     for number in sorted({*(2**power for power in range(count.bit_length()) if 2**power < count), count - 1}):
@@ -283,17 +285,17 @@ def _doubt(source: InputImage, gathered: TrainingSet, model: Model, params: Para
         tell(f"passed over: {error}")
         return -1.0
     own = gathered.starts[source.name].placed(params, image.shape) if source.name in gathered.starts else params
-    start = start_region(image.shape[:2], own, gathered.masks.start)
+    start, seen = start_region(image.shape[:2], own, gathered.masks.start), model.appearance(image)
     if start is None:
-        circle = model_start(image, model, params.init.radius_in(image.shape))
+        circle = model_start(seen, model, params.init.radius_in(image.shape))
         if circle is None:
             return 1.0
         start = start_region(image.shape[:2], replace(params, init=replace(params.init, circles=(circle,))))
     if start is None or not start.any():
         return 1.0
-    return uncertainty(model, image, start)
+    return uncertainty(model, seen, start)
 
 
-def uncertainty(model: Model, image: Image, start: Mask) -> float:
+def uncertainty(model: Model, image: Appearance, start: Mask) -> float:
     """Mean uncertainty of a model's probabilities, with the prior if used: 0 if all are sure, 1 if all are even."""
     return float(np.mean(1 - np.abs(2 * model_odds(model, image, start) - 1)))

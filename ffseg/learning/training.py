@@ -18,16 +18,13 @@ from ffseg.evidence.features import (
     ALL_FEATURES,
     DEFAULT_FEATURES,
     PLACE_FEATURES,
-    SCALE_FEATURES,
-    WORKING_SIZE,
     features,
     reduced_mean,
-    reduction,
 )
 from ffseg.evidence.forest import Forest, Model
 from ffseg.evidence.openings import OPENING_FEATURES
 from ffseg.evidence.prior import prior
-from ffseg.image.exposure import normalised_exposure
+from ffseg.image.appearance import TEXTURE, WORKING_SIZE, Appearance
 from ffseg.metrics import IGNORED, INSIDE, OUTSIDE
 from ffseg.parameters import Parameters
 from ffseg.plugins import require
@@ -104,7 +101,7 @@ FOREST_FEATURES = tuple(name for name in ALL_FEATURES if not name.startswith("be
 road frames and floors come out better by .01 to .03."""
 
 STARTLESS_FEATURES = tuple(
-    name for name in FOREST_FEATURES if name.partition("@")[0] in SCALE_FEATURES or name in PLACE_FEATURES[:2]
+    name for name in FOREST_FEATURES if name.partition("@")[0] in TEXTURE or name in PLACE_FEATURES[:2]
 )  # fmt: skip
 """Features that need no start."""
 
@@ -161,22 +158,22 @@ def samples(example: Example) -> Samples:
     UsageError
         If the mask knows no pixel inside, or none outside.
     """
-    rng, image = np.random.default_rng(0), normalised_exposure(example.image)
+    rng, image = np.random.default_rng(0), Appearance(example.image)
     rows, labels, odds = [], [], []
     for start in starts_in(example, rng):
-        seen = features(image, start, names=ALL_FEATURES)
+        seen = features(image, start, ALL_FEATURES)
         scribbled = np.count_nonzero(example.truth != IGNORED) < MIN_KNOWN * example.truth.size
         known = (known_of_some if scribbled else known_pixels)(example.truth, seen.factor)
         chosen = _chosen(known.ravel(), rng)
-        found = np.ascontiguousarray(seen.planes.reshape(len(ALL_FEATURES), -1)[:, chosen].T)
+        found = seen.of_pixels(ALL_FEATURES, chosen)
         rows += [found, mirrored(found)]
         labels += [known.ravel()[chosen] > 0] * 2
-        odds += [reduced_mean(prior(example.image, start), seen.factor).ravel()[chosen]] * 2
+        odds += [reduced_mean(prior(image, start), seen.factor).ravel()[chosen]] * 2
     inside = np.concatenate(labels) if labels else np.zeros(0, np.bool_)
     if inside.all() or not inside.any():
         side, level = ("outside", OUTSIDE) if inside.any() else ("inside", INSIDE)
         if (example.truth == level).any():
-            small, size = reduction(image.shape) > 1, f"{image.shape[1]}x{image.shape[0]}"
+            small, size = image.factor > 1, f"{example.image.shape[1]}x{example.image.shape[0]}"
             why = f": an image of {size} pixels is seen at {WORKING_SIZE}; cut it out" if small else "; draw more of it"
             raise UsageError(f"what the mask knows {side} is too small or thin{why}, or leave it out")
         raise UsageError(f"the mask knows no pixel {side}: 255 is inside, 0 outside, 128 unknown; draw some of both")

@@ -1,5 +1,6 @@
 """Native loops of ffseg: arrays in, arrays out; no files, no policy."""
 
+from collections.abc import Sequence
 from typing import Annotated
 
 import numpy
@@ -49,8 +50,8 @@ def share_within(joints: Annotated[NDArray[numpy.float64], dict(shape=(None, 2),
 def evidence_lab(image: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu', writable=False)], factor: int, out: Annotated[NDArray[numpy.float32], dict(shape=(None, None, None), order='C', device='cpu')]) -> None:
     """L, a, b of the means of blocks of `factor` x `factor` pixels."""
 
-def evidence_thin(planes: Annotated[NDArray[numpy.float32], dict(shape=(None, None, None), order='C', device='cpu', writable=False)], places: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.float32], dict(shape=(None, None, None), order='C', device='cpu')]) -> None:
-    """Every second pixel each way of the planes at these places."""
+def evidence_thin(planes: Sequence[Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)]], out: Annotated[NDArray[numpy.float32], dict(shape=(None, None, None), order='C', device='cpu')]) -> None:
+    """Every second pixel each way of these planes."""
 
 def evidence_steepest(plane: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu')]) -> None:
     """The largest value of each 2 x 2 pixels."""

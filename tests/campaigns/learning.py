@@ -75,7 +75,7 @@ def place_of(one: Photograph) -> str:
 
 def overlap(one: Photograph, model: Model | None) -> float:
     """IoU of the contour from the start circle, by a model or the defaults."""
-    evidence = None if model is None else model_odds(model, one.image, start_of(one))
+    evidence = None if model is None else model_odds(model, model.appearance(one.image), start_of(one))
     return iou(segment(one.image, one.placed(load_params()), evidence=evidence).mask, one.truth)
 
 

@@ -15,9 +15,9 @@ import typer
 from batches import table
 
 from ffseg.evidence import prior
-from ffseg.evidence.features import WORKING_SIZE
 from ffseg.evidence.forest import Forest
 from ffseg.evidence.surroundings import STRIDE, voted
+from ffseg.image.appearance import Appearance
 from ffseg.io.files import write_bytes_atomic
 from ffseg.io.images import prepare_worker
 from ffseg.io.tables import csv_table
@@ -76,7 +76,7 @@ def judged(kind: str, forest: Forest, count: int) -> Iterator[tuple[int, float]]
     """Numbers and IoU of so many looks at a kind."""
     native = forest.compiled()
     for number, seen in enumerate(sights(kind, count, UNSEEN)):
-        view = prior.start_features(seen.image, seen.disc(), WORKING_SIZE)
+        view = prior.start_features(Appearance(seen.image), seen.disc())
         odds = np.clip(forest.log_odds(prior.all_planes(view), native), -prior.MAX_LOG_ODDS, prior.MAX_LOG_ODDS)
         known = known_pixels(seen.truth, view.factor)[::STRIDE, ::STRIDE]
         inside, truth = voted(odds, view)[known >= 0] > 0, known[known >= 0] > 0

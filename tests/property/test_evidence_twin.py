@@ -80,19 +80,23 @@ def test_exponentials_are_those_of_the_c_library(values: np.ndarray) -> None:
 def test_thinned_planes_and_their_largest(drawn: tuple[np.ndarray, np.ndarray]) -> None:
     plane, _ = drawn
     planes, small = np.stack([plane, plane + 1, -plane]), tuple(-(-length // 2) for length in plane.shape)
-    thin = made((2, *small), _core.evidence_thin, planes, np.array([2, 0], np.int32))
+    thin = made((2, *small), _core.evidence_thin, [planes[2], planes[0]])
     np.testing.assert_array_equal(thin, planes[[2, 0], ::2, ::2])
     padded = np.pad(plane, [(0, length % 2) for length in plane.shape], mode="edge")
     blocks = padded.reshape(small[0], 2, small[1], 2)
     np.testing.assert_array_equal(made(small, _core.evidence_steepest, plane), blocks.max(axis=(1, 3)))
 
 
-def test_a_plane_that_is_not_there_is_not_thinned() -> None:
-    for place in (-1, 2):
-        with pytest.raises(ValueError, match="no plane of that number"):
-            made((1, 1, 1), _core.evidence_thin, np.zeros((2, 2, 2), np.float32), np.array([place], np.int32))
-    with pytest.raises(ValueError, match="differ in size"):
-        made((1, 2, 1), _core.evidence_thin, np.zeros((2, 2, 2), np.float32), np.zeros(1, np.int32))
+def test_planes_of_other_sizes_or_none_are_not_thinned() -> None:
+    plane, other = np.zeros((2, 2), np.float32), np.zeros((2, 3), np.float32)
+    for planes, shape, why in (
+        ([], (0, 1, 1), "no plane"),
+        ([plane, other], (2, 1, 1), "differ in size"),
+        ([plane], (1, 2, 1), "differ in size"),
+        ([plane], (2, 1, 1), "more or fewer planes"),
+    ):
+        with pytest.raises(ValueError, match=why):
+            made(shape, _core.evidence_thin, planes)
 
 
 @given(hilly(), st.integers(1, 4), st.integers(1, 3), st.tuples(st.integers(1, 40), st.integers(1, 40)))

@@ -11,6 +11,7 @@ from ffseg.evidence.features import ALL_FEATURES
 from ffseg.evidence.forest import Forest, Model, from_bytes, to_bytes
 from ffseg.evidence.prior import prior
 from ffseg.evidence.source import model_odds
+from ffseg.image.appearance import Appearance
 from ffseg.learning.training import SUBSAMPLING, PriorChoice, Samples, choose_prior, learn, samples
 from tests.stumps import stump
 from tests.unit.test_evidence_base import halves
@@ -46,16 +47,16 @@ def test_more_masks_ask_it_where_it_adds_to_what_they_teach_each_other(
 
 
 def test_a_model_adds_the_log_odds_of_the_prior() -> None:
-    one = example(1)
+    one, image = example(1), Appearance(example(1).image)
     even = Forest({**stump("x", 0.5).arrays, "value": np.ones(2, np.float32)}, bias=0.25)
     alone, both = (Model(even, exposed=True, prior=weight) for weight in (0.0, 0.5))
-    np.testing.assert_allclose(model_odds(alone, one.image, one.start), 1 / (1 + np.exp(-1.25)), rtol=1e-6)
-    sums = 1.25 + 0.5 * prior(one.image, one.start)
+    np.testing.assert_allclose(model_odds(alone, image, one.start), 1 / (1 + np.exp(-1.25)), rtol=1e-6)
+    sums = 1.25 + 0.5 * prior(image, one.start)
     np.testing.assert_allclose(
-        model_odds(both, one.image, one.start), 1 / (1 + np.exp(-sums)), rtol=1e-5
+        model_odds(both, image, one.start), 1 / (1 + np.exp(-sums)), rtol=1e-5
     )  # single precision
     with pytest.raises(ValueError, match="asks the prior"):
-        both.map(both.look(one.image, one.start))
+        both.map(both.look(image, one.start))
 
 
 def test_the_file_remembers_the_prior() -> None:

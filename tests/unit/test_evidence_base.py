@@ -7,10 +7,10 @@ from ffseg.evidence.base import base, enough_of, joined, odds_of
 from ffseg.evidence.features import ALL_FEATURES, features
 from ffseg.evidence.forest import MAGIC, Model, from_bytes, to_bytes
 from ffseg.evidence.openings import OPENING_FEATURES
-from ffseg.image.exposure import normalised_exposure
+from ffseg.image.appearance import Appearance, normalised_exposure
 from ffseg.learning.training import FOREST_FEATURES, Samples, _left_out_overlap, choose_base, grow, learn, samples
 from ffseg.metrics import iou
-from tests.stumps import stump
+from tests.stumps import probabilities, stump
 from tests.unit.test_evidence_learning import example, predicted
 
 
@@ -22,9 +22,9 @@ def halves(share: float) -> tuple[np.ndarray, np.ndarray]:
 
 def test_rows_get_the_odds_that_planes_get() -> None:
     one = example(1)
-    seen = features(one.image, one.start, names=ALL_FEATURES)
-    rows = np.ascontiguousarray(seen.planes.reshape(len(ALL_FEATURES), -1).T)[:1501]
-    probability = base().probability(seen.planes).ravel()[:1501]
+    seen = features(Appearance(one.image), one.start, ALL_FEATURES)
+    rows = seen.of_pixels(ALL_FEATURES, np.arange(1501))
+    probability = probabilities(base(), seen).ravel()[:1501]
     # the same sums; only the logarithm of a rounded probability differs
     np.testing.assert_allclose(1 / (1 + np.exp(-odds_of(base(), rows))), probability, atol=1e-6)
 
@@ -98,10 +98,12 @@ def test_a_model_remembers_how_it_looks_at_images() -> None:
     assert not from_bytes(to_bytes(plain)).exposed
     assert b"exposed" not in to_bytes(plain)[: len(MAGIC) + 200]
     dark = (one.image // 4).astype(np.uint8)
-    np.testing.assert_array_equal(
-        told.look(dark, one.start).planes, plain.look(normalised_exposure(dark), one.start).planes
+    seen, even, as_it_is = (
+        model.look(model.appearance(image), one.start)["light@1.5"]
+        for model, image in ((told, dark), (plain, normalised_exposure(dark)), (plain, dark))
     )
-    assert not np.array_equal(told.look(dark, one.start).planes, plain.look(dark, one.start).planes)
+    np.testing.assert_array_equal(seen, even)
+    assert not np.array_equal(seen, as_it_is)
 
 
 def test_neighbours_outvote_specks_but_not_across_edges() -> None:
@@ -110,8 +112,8 @@ def test_neighbours_outvote_specks_but_not_across_edges() -> None:
     image[39:42, 29:32] = 96  # a speck
     start = np.hypot(rows - 20, columns - 20) < 6
     model = Model(stump("light@0.7", 39.0))
-    seen = model.look(image, start)
-    assert model.inside.probability(seen.planes)[40, 30] > 0.5  # what the forest itself says of the speck
+    seen = model.look(model.appearance(image), start)
+    assert probabilities(model.inside, seen)[40, 30] > 0.5  # what the forest itself says of the speck
     found = model.map(seen) > 0.5
     assert not found[:, :58].any()
     assert found[:, 62:].all()

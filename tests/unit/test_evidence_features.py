@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from ffseg.errors import ParameterError, SegmentationError
-from ffseg.evidence.features import ALL_FEATURES, DEFAULT_FEATURES, enlarged, features, reduced_mean, reduction
+from ffseg.evidence.features import DEFAULT_FEATURES, enlarged, features, reduced_mean
 from ffseg.evidence.forest import MAGIC, Forest, Model, from_bytes, load_model, to_bytes
+from ffseg.image.appearance import Appearance, reduction
 from tests.discs import disc_of
-from tests.stumps import stump
+from tests.stumps import probabilities, stump
 
 SHAPE = (90, 130)
 disc = disc_of(SHAPE)
@@ -26,14 +27,14 @@ def photograph() -> np.ndarray:
 
 
 def test_all_features_are_finite_and_named_once() -> None:
-    seen = features(photograph(), disc(30, 40, 8), size=65)
-    assert (seen.factor, seen.planes.shape) == (2, (len(DEFAULT_FEATURES), 45, 65))
+    seen = features(Appearance(photograph(), 65, even=False), disc(30, 40, 8))
+    assert (seen.factor, tuple(seen.planes)) == (2, DEFAULT_FEATURES)
     assert len(set(DEFAULT_FEATURES)) == len(DEFAULT_FEATURES)
-    assert np.isfinite(seen.planes).all()
+    assert all(plane.shape == (45, 65) and np.isfinite(plane).all() for plane in seen.planes.values())
 
 
 def test_the_barrier_of_a_border_is_its_gradient() -> None:
-    seen = features(photograph(), disc(30, 40, 8), size=130)
+    seen = features(Appearance(photograph(), 130, even=False), disc(30, 40, 8))
     assert seen["barrier@1.5"][40, 60] < 1 < seen["barrier@1.5"][40, 120]
     assert seen["reached@1.5"][40, 120] > 0.95
     assert seen["from_start@1.5"][40, 120] > 5 > seen["from_start@1.5"][40, 60]
@@ -42,14 +43,16 @@ def test_the_barrier_of_a_border_is_its_gradient() -> None:
 
 def test_grey_is_colour_without_a_and_b() -> None:
     grey = photograph()[..., 0]
-    one = features(grey, disc(30, 40, 8))
-    np.testing.assert_array_equal(one.planes, features(np.repeat(grey[..., None], 3, axis=2), disc(30, 40, 8)).planes)
+    one, other = (
+        features(Appearance(image), disc(30, 40, 8)) for image in (grey, np.repeat(grey[..., None], 3, axis=2))
+    )
+    assert all(np.array_equal(one[name], other[name]) for name in DEFAULT_FEATURES)
 
 
 def test_a_small_start_keeps_a_pixel_and_an_empty_one_is_refused() -> None:
-    assert features(photograph(), disc(31, 41, 0.5), size=16).inside.sum() == 1
+    assert features(Appearance(photograph(), 16), disc(31, 41, 0.5)).inside.sum() == 1
     with pytest.raises(SegmentationError, match="start region"):
-        features(photograph(), np.zeros(SHAPE, bool))
+        features(Appearance(photograph()), np.zeros(SHAPE, bool))
 
 
 def test_means_of_blocks_and_back() -> None:
@@ -68,7 +71,7 @@ def test_reduction_is_a_whole_factor() -> None:
 
 def test_a_forest_survives_its_file(tmp_path: Path) -> None:
     forest = Model(stump("barrier@1.5", 1.0, -3), about={"masks": 1})
-    seen = features(photograph(), disc(30, 40, 8), size=65)
+    seen = features(Appearance(photograph(), 65, even=False), disc(30, 40, 8))
     (tmp_path / "a.ffmodel").write_bytes(to_bytes(forest))
     again = load_model(tmp_path / "a.ffmodel")
     assert (again.about, to_bytes(again)) == ({"masks": 1}, to_bytes(forest))
@@ -77,9 +80,9 @@ def test_a_forest_survives_its_file(tmp_path: Path) -> None:
 
 
 def test_a_forest_of_few_features_asks_for_those_only() -> None:
-    full, seen = stump("barrier@1.5", 1.0), features(photograph(), disc(30, 40, 8), size=65)
+    full, seen = stump("barrier@1.5", 1.0), features(Appearance(photograph(), 65, even=False), disc(30, 40, 8))
     few = Forest({**full.arrays, "feature": np.zeros(1, np.int32)}, ("barrier@1.5",), full.bias)
-    np.testing.assert_array_equal(few.probability(seen.planes), full.probability(seen.planes))
+    np.testing.assert_array_equal(probabilities(few, seen), probabilities(full, seen))
 
 
 def test_a_model_may_hold_a_second_forest(tmp_path: Path) -> None:
@@ -199,7 +202,7 @@ def test_spoiled_model_files_are_read_or_refused(request: pytest.FixtureRequest)
     for number in range(20_000 if request.config.getoption("--long") else 400):
         try:
             model = from_bytes(spoiled(data, np.random.default_rng([0, number])))
-            model.inside.probability(np.zeros((len(ALL_FEATURES), 2, 3), np.float32))
+            model.inside.log_odds(np.zeros((len(model.inside.features), 2, 3), np.float32))
             counts["read"] += 1
         except ValueError as error:
             counts[str(error).split(",")[0][:60]] += 1

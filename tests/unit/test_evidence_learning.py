@@ -11,6 +11,7 @@ from ffseg.evidence.features import ALL_FEATURES, features
 from ffseg.evidence.forest import Model
 from ffseg.evidence.openings import OPENING_FEATURES
 from ffseg.evidence.source import model_odds
+from ffseg.image.appearance import Appearance
 from ffseg.learning.learn import uncertainty
 from ffseg.learning.training import (
     CLICKS,
@@ -36,6 +37,7 @@ from ffseg.learning.training import (
 )
 from ffseg.metrics import iou
 from tests.discs import disc_of
+from tests.stumps import probabilities
 
 lightgbm = pytest.importorskip("lightgbm")
 SHAPE = (80, 120)
@@ -55,7 +57,7 @@ def example(seed: int, *, start: bool = True) -> Example:
 
 
 def predicted(model: Model, one: Example) -> np.ndarray:
-    return model_odds(model, one.image, one.start)
+    return model_odds(model, model.appearance(one.image), one.start)
 
 
 def test_two_masks_teach_what_is_inside() -> None:
@@ -67,8 +69,8 @@ def test_two_masks_teach_what_is_inside() -> None:
 def test_the_second_forest_needs_no_start() -> None:
     model = learn([samples(example(seed)) for seed in (1, 2)])
     one = example(3)
-    anywhere = features(model.shown(one.image), disc(5, 5, 3))
-    assert iou(model.start.probability(anywhere.planes) > 0.5, one.truth) > 0.8
+    anywhere = features(model.appearance(one.image), disc(5, 5, 3))
+    assert iou(probabilities(model.start, anywhere) > 0.5, one.truth) > 0.8
     assert not [
         name for name in STARTLESS_FEATURES if name.startswith(("from_", "barrier", "way", "across", "likeness"))
     ]
@@ -105,9 +107,9 @@ def test_converted_trees_say_what_lightgbm_says() -> None:
     settings = {"objective": "binary", "num_leaves": 31, "verbose": -1, "use_missing": False, "num_threads": 1}
     booster = lightgbm.train(settings, data, 20)
     forest = converted(booster.dump_model()["tree_info"], ALL_FEATURES)
-    planes = features(example(2).image, example(2).start, names=ALL_FEATURES).planes
-    wanted = booster.predict(planes.reshape(len(ALL_FEATURES), -1).T)
-    np.testing.assert_allclose(forest.probability(planes).ravel(), wanted, atol=2e-6)  # 20 leaves in single precision
+    seen = features(Appearance(example(2).image), example(2).start, ALL_FEATURES)
+    wanted = booster.predict(seen.of_pixels(ALL_FEATURES, np.arange(example(2).truth.size)))
+    np.testing.assert_allclose(probabilities(forest, seen).ravel(), wanted, atol=2e-6)  # 20 leaves in single precision
 
 
 def test_the_same_masks_give_the_same_forest() -> None:
@@ -163,16 +165,17 @@ def test_what_is_too_small_to_be_seen_is_not_said_to_be_missing() -> None:
 def test_uncertainty_is_higher_on_what_was_never_seen_and_hears_the_prior() -> None:
     model = learn([samples(example(seed)) for seed in (1, 2)])
     one = example(3)
-    odd = np.random.default_rng(0).integers(0, 255, one.image.shape, np.uint8)
-    assert uncertainty(model, odd, one.start) > uncertainty(model, one.image, one.start)
+    odd = model.appearance(np.random.default_rng(0).integers(0, 255, one.image.shape, np.uint8))
+    image = model.appearance(one.image)
+    assert uncertainty(model, odd, one.start) > uncertainty(model, image, one.start)
     sure = replace(model, prior=9.0)
-    assert uncertainty(sure, one.image, one.start) < uncertainty(replace(model, prior=0.0), one.image, one.start)
+    assert uncertainty(sure, image, one.start) < uncertainty(replace(model, prior=0.0), image, one.start)
 
 
 def test_trusting_adds_to_open_ground_and_takes_elsewhere() -> None:
     forest, one = grow([samples(example(seed)) for seed in (1, 2)], trees=10), example(3)
-    seen = features(one.image, one.start, names=ALL_FEATURES)
-    plain, more = forest.probability(seen.planes), trusting(forest, 2.0).probability(seen.planes)
+    seen = features(Appearance(one.image), one.start, ALL_FEATURES)
+    plain, more = probabilities(forest, seen), probabilities(trusting(forest, 2.0), seen)
     odds = np.log(more / (1 - more)) - np.log(plain / (1 - plain))
     open_here = seen[TRUSTED_FEATURE] > 0.5
     assert 0 < open_here.mean() < 1

@@ -15,6 +15,7 @@ import ffseg
 from ffseg.errors import ParameterError, SegmentationError
 from ffseg.evidence.forest import MODEL_ODDS_RATIO, Model, to_bytes
 from ffseg.evidence.source import check_model, model_start, with_model_start
+from ffseg.image.appearance import Appearance
 from ffseg.metrics import iou
 from ffseg.parameters import load_params
 from tests.discs import disc_of
@@ -80,7 +81,10 @@ def test_a_forest_finds_the_start(forest: str) -> None:
 
 
 def test_the_start_lies_in_the_largest_sure_region(forest: str) -> None:
-    image, model = reddened(SMALL | LARGE), Model(stump("red@1.5", 20.0, 4), stump("red@1.5", 20.0, 4))
+    image, model = (
+        Appearance(reddened(SMALL | LARGE), even=False),
+        Model(stump("red@1.5", 20.0, 4), stump("red@1.5", 20.0, 4)),
+    )
     x, y, radius = model_start(image, model, 40.0) or (0, 0, 0)
     assert np.hypot(x - 90, y - 50) < 4
     assert 10 < radius < 20
@@ -113,7 +117,8 @@ def test_a_model_without_another_start_than_what_lies_outside_says_so(forest: st
 
 def test_points_come_after_the_start_that_a_model_finds(forest: str) -> None:
     seeds = {"init.circles": [[25, 30, 4]], "init.background": [[60, 5, 3, 1], [60, 90]]}
-    params = with_model_start(reddened(SMALL | LARGE), ffseg.load_params(None, {"edges.model": forest, **seeds}))
+    params = ffseg.load_params(None, {"edges.model": forest, **seeds})
+    params = with_model_start(ffseg.Scene(reddened(SMALL | LARGE), params)).params
     assert len(params.init.circles) == 2
     assert params.init.background == ((60, 5, 3, 2), (60, 90))
 
@@ -124,7 +129,7 @@ def test_a_model_is_asked_from_the_first_circles_and_each_click_from_all_until_t
     asked = list[list[bool]]()
     circles = [(30, 30, 4), (90, 50, 4), (90, 70, 4), (70, 50, 4)]
 
-    def said(_model: object, image: np.ndarray, start: np.ndarray, _native: object) -> np.ndarray:
+    def said(_model: object, _image: object, start: np.ndarray) -> np.ndarray:
         asked.append([bool(start[y, x]) for x, y, _ in circles])
         return np.where(SMALL | LARGE, np.float32(0.9), np.float32(0.1))
 

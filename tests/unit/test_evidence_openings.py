@@ -5,8 +5,9 @@ import pytest
 
 from ffseg.evidence.features import ALL_FEATURES, DEFAULT_FEATURES, SHAPELESS_FEATURES, features
 from ffseg.evidence.forest import Model, from_bytes, to_bytes
-from ffseg.evidence.maps import dilated
-from ffseg.evidence.openings import OPENING_FEATURES, PASSAGE_WIDTHS, open_areas
+from ffseg.evidence.openings import PASSAGE_WIDTHS, open_areas
+from ffseg.image.appearance import Appearance
+from ffseg.image.parts import dilated
 from tests.stumps import stump
 
 SHAPE = (60, 100)
@@ -28,10 +29,8 @@ def start() -> np.ndarray:
 
 
 def seen(image: np.ndarray, factor: int = 1) -> np.ndarray:
-    inside = start()[::factor, ::factor].astype(np.uint8)
-    planes = np.empty((len(OPENING_FEATURES), *inside.shape), np.float32)
-    open_areas(image, inside, factor, planes)
-    return planes
+    walls = Appearance(image, max(SHAPE) // factor, even=False).walls
+    return open_areas(walls, start()[::factor, ::factor].astype(np.uint8))
 
 
 @pytest.mark.parametrize(("gap", "passed"), [(0, 0), (8, 2), (12, 3), (40, 4)])
@@ -80,21 +79,19 @@ def test_widened_is_the_largest_of_the_square_round_a_pixel() -> None:
 def test_only_a_model_that_asks_for_open_ground_looks_for_it() -> None:
     """A model made before there was any keeps its features, and what it says."""
     old, new = Model(stump("barrier@1.5", 0.5, 3)), Model(stump("open3", 0.5, 3, ALL_FEATURES))
-    image = walled(0)
-    assert (len(old.look(image, start()).planes), len(new.look(image, start()).planes)) == (
-        len(DEFAULT_FEATURES),
-        len(ALL_FEATURES),
-    )
+    image = Appearance(walled(0), even=False)
+    assert tuple(old.look(image, start()).planes) == DEFAULT_FEATURES
+    assert tuple(new.look(image, start()).planes) == ALL_FEATURES
     again = from_bytes(to_bytes(new))
     assert again.inside.features == ALL_FEATURES
-    everything = features(image, start(), names=ALL_FEATURES)
+    everything = features(image, start(), ALL_FEATURES)
     np.testing.assert_array_equal(old.map(old.look(image, start())), old.map(everything))
     found = again.map(again.look(image, start()))
     assert found[30, 20] > 0.9 > 0.1 > found[30, 80]
 
 
 def test_what_is_named_is_found_whatever_else_is_looked_for() -> None:
-    some, most = (features(walled(0), start(), names=names) for names in (SHAPELESS_FEATURES, ALL_FEATURES))
+    some, most = (features(Appearance(walled(0)), start(), names) for names in (SHAPELESS_FEATURES, ALL_FEATURES))
     assert set(SHAPELESS_FEATURES) < set(DEFAULT_FEATURES) < set(ALL_FEATURES)
     for name in SHAPELESS_FEATURES:
         np.testing.assert_array_equal(some[name], most[name])

@@ -75,7 +75,7 @@ def test_clicks_correct_what_a_model_says(monkeypatch: pytest.MonkeyPatch) -> No
     seen, place = next(iter(sights("nuclei", 1))), hints.FEATURE_NAMES.index("prior")
     model = load_model(base.BASE)
     monkeypatch.setattr(growing, "_answer", lambda *_: np.full(seen.truth.shape, 1.25, np.float32))
-    for one, answers in ((None, False), ((model, model.inside.compiled()), True)):
+    for one, answers in ((None, False), (model, True)):
         looks = growing.for_clicks(seen, np.random.default_rng(0), one)
         assert looks
         assert all(({*look.rows[:, place].tolist()} == {1.25}) == answers for look in looks)

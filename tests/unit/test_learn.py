@@ -173,7 +173,7 @@ def test_the_curve_scores_contours_of_models_as_they_are_used(folder: Path, monk
     curve = learning._curve(labelled, chosen)
     assert ([number for number, _ in curve], len(maps)) == ([1, 2], 3 * (2 + 1))
     models = [grown([one], learning.CURVE_TREES) for one in chosen]
-    used = [model_odds(model, one.image, one.start) for model in models for one in labelled]
+    used = [model_odds(model, model.appearance(one.image), one.start) for model in models for one in labelled]
     assert all(any(np.array_equal(one, other) for other in used) for one in maps[:6])  # those of one mask
     monkeypatch.setattr(learning, "MAX_TESTED", 1)
     maps.clear()

@@ -19,9 +19,9 @@ from ffseg.evidence.maps import expected_overlap
 from ffseg.evidence.prior import FEATURE_NAMES, MAX_LOG_ODDS, MIN_START_RADIUS, all_planes, prior, start_features
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image import boundary
+from ffseg.image.appearance import MEAN_LEVEL, Appearance, normalised_exposure
 from ffseg.image.boundary import Boundary
 from ffseg.image.edges import GRADIENT_SCALE, OVERLAP_ODDS_RATIO, PRIOR_CALIBRATION, EdgeMap, ScoreCalibration, edge_map
-from ffseg.image.exposure import MEAN_LEVEL, normalised_exposure
 from ffseg.image.free import distances
 from ffseg.io.masks import encode_png
 from ffseg.learning.drawn.sights import Sight, sights
@@ -104,9 +104,9 @@ def test_given_thresholds_are_trusted() -> None:
 def test_a_turned_or_mirrored_image_gives_the_turned_or_mirrored_odds() -> None:
     image, _ = faint(25, 12)
     start = np.hypot(*(np.indices(image.shape[:2]) - np.array([90, 130])[:, None, None])) < 18
-    plain = prior(image, start)
+    plain = prior(Appearance(image), start)
     for turn in (np.flipud, np.fliplr, np.rot90):
-        turned = turn(prior(np.ascontiguousarray(turn(image)), np.ascontiguousarray(turn(start))).copy())
+        turned = turn(prior(Appearance(turn(image)), np.ascontiguousarray(turn(start))).copy())
         back = {np.rot90: lambda plane: np.rot90(plane, 2)}.get(turn, lambda plane: plane)(turned)
         # a threshold of a tree may fall between two roundings of a sum: rarely, and for few of its pixels
         assert np.mean((plain > 0) != (back > 0)) < 0.005
@@ -117,14 +117,14 @@ def test_the_start_is_inside_whatever_it_looks_like() -> None:
     image = rng.integers(0, 256, (90, 120, 3)).astype(np.uint8)
     start = np.zeros((90, 120), np.bool_)
     start[40:50, 50:70] = True
-    assert (prior(image, start)[start] == MAX_LOG_ODDS).all()
+    assert (prior(Appearance(image), start)[start] == MAX_LOG_ODDS).all()
 
 
 def test_what_looks_like_the_start_behind_another_colour_is_as_far_off_as_that() -> None:
     """No colour tells the strips on both sides from each other; a flood over colours does."""
     image = np.repeat(np.repeat([90, 160, 90], 30)[None], 60, axis=0).astype(np.uint8)
     start = np.hypot(*(np.indices(image.shape) - np.array([30, 15])[:, None, None])) < 8
-    planes = dict(zip(FEATURE_NAMES, all_planes(start_features(image, start, 400)), strict=True))
+    planes = dict(zip(FEATURE_NAMES, all_planes(start_features(Appearance(image), start)), strict=True))
     near, across, behind = ((slice(None), slice(first, first + 8)) for first in (3, 18, 34))  # of every second pixel
     middles = [np.median(planes["from_start@0.7"][place]) for place in (near, behind)]
     assert middles[0] == pytest.approx(middles[1], abs=1e-3)
@@ -138,10 +138,10 @@ def test_a_small_start_is_looked_at_with_its_surroundings(radius: float) -> None
     """Of a start of a few pixels nobody can tell what its region looks like."""
     image, _ = faint(25, 12)
     at = np.hypot(*(np.indices(image.shape[:2]) - np.array([100, 120])[:, None, None]))
-    seen, usual = (start_features(image, at < size, 400).inside > 0 for size in (radius, MIN_START_RADIUS))
+    seen, usual = (start_features(Appearance(image), at < size).inside > 0 for size in (radius, MIN_START_RADIUS))
     assert np.count_nonzero(seen ^ usual) <= 12  # of 49: the ring of a disc in pixels
     assert (at[seen] <= MIN_START_RADIUS + 1).all()
-    assert (start_features(image, at < 9, 400).inside > 0).sum() == np.count_nonzero(at < 9)
+    assert (start_features(Appearance(image), at < 9).inside > 0).sum() == np.count_nonzero(at < 9)
 
 
 def test_expected_overlap_against_its_definition() -> None:
@@ -357,8 +357,8 @@ def test_a_clear_thing_among_faint_clutter_keeps_its_own_edges() -> None:
 def test_another_exposure_gives_nearly_the_same_odds() -> None:
     image, _ = faint(20, 10)
     start = np.hypot(*(np.indices(image.shape[:2]) - np.array([100, 120])[:, None, None])) < 18
-    plain = prior(image, start) > 0
-    dark = prior(np.rint(image * 0.5).astype(np.uint8), start) > 0
+    plain = prior(Appearance(image), start) > 0
+    dark = prior(Appearance(np.rint(image * 0.5).astype(np.uint8)), start) > 0
     # half the levels leave rounding of a level more, which moves a border in texture by pixels
     assert np.mean(plain != dark) < 0.02
 

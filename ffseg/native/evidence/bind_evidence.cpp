@@ -1,3 +1,5 @@
+#include <nanobind/stl/vector.h>
+
 #include <cmath>
 
 #include "bindings.hpp"
@@ -64,18 +66,18 @@ void py_lab(const Pixels& image, int factor, OutPlanes out) {
     evidence::reduced_lab(picture, factor, out.data());
 }
 
-void py_thin(const InPlanes& planes, const Whole& places, OutPlanes out) {
-    const Size size = check_planes(planes, planes.shape(0));
-    check_planes(out, places.shape(0), evidence::halved(size));
-    const std::size_t pixels = evidence::halved(size).count();
-    for (std::size_t k = 0; k < places.shape(0); ++k) {
-        require(places.data()[k] >= 0 && static_cast<std::size_t>(places.data()[k]) < planes.shape(0),
-                "there is no plane of that number");
-    }
+void py_thin(const std::vector<InPlane>& planes, OutPlanes out) {
+    require(!planes.empty(), "there is no plane");
+    const Size size = size_of(planes[0]);
+    for (const InPlane& plane : planes) check_size(plane, size);
+    check_planes(out, planes.size(), evidence::halved(size));
+    std::vector<const float*> values;
+    for (const InPlane& plane : planes) values.push_back(plane.data());
+    float* to = out.data();
     nb::gil_scoped_release release;
-    for (std::size_t k = 0; k < places.shape(0); ++k) {
-        const auto place = static_cast<std::size_t>(places.data()[k]);
-        evidence::thin(planes.data() + place * size.count(), size, out.data() + k * pixels);
+    for (const float* plane : values) {
+        evidence::thin(plane, size, to);
+        to += evidence::halved(size).count();
     }
 }
 
@@ -207,8 +209,7 @@ void py_score(const evidence::Forest& forest, const InPlanes& planes, OutPlane o
 void bind_evidence(nb::module_& m) {
     m.def("evidence_lab", &py_lab, "image"_a, "factor"_a, "out"_a,
           "L, a, b of the means of blocks of `factor` x `factor` pixels.");
-    m.def("evidence_thin", &py_thin, "planes"_a, "places"_a, "out"_a,
-          "Every second pixel each way of the planes at these places.");
+    m.def("evidence_thin", &py_thin, "planes"_a, "out"_a, "Every second pixel each way of these planes.");
     m.def("evidence_steepest", &py_steepest, "plane"_a, "out"_a, "The largest value of each 2 x 2 pixels.");
     m.def("evidence_enlarge", &py_enlarge, "plane"_a, "factor"_a, "stride"_a, "out"_a,
           "A plane whose values are `stride` blocks of `factor` pixels apart at each pixel, linear between them.");

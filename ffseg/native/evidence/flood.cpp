@@ -99,38 +99,46 @@ double median_inside(const std::vector<std::uint16_t>& heights, const std::uint8
     return *middle;
 }
 
-// Writes the barrier of each pixel, and returns how many pixels have each. A pixel waits once, in the list of its
-// barrier; that of the level which is worked on grows meanwhile.
+struct Cell {
+    std::uint16_t height, barrier;
+};
+
+// Writes the barrier of each pixel, the highest level where there is no start, and returns how many pixels have each.
+// What lies no higher than the level that is worked on is next; the rest waits in the list of its own.
 std::vector<std::size_t> barrier(const std::uint16_t* heights, const std::uint8_t* inside, Size size,
                                  std::uint16_t* out) {
     constexpr int kNone = -1;
-    Bordered<std::uint16_t> found(size, 0), high(size, 0);
-    std::vector<int> first(kMaxLevel + 1, kNone), next(found.count());
+    Bordered<Cell> cells(size, {0, 0});
+    std::vector<int> first(kMaxLevel + 1, kNone), waiting(cells.count()), now;
     std::vector<std::size_t> pixels(first.size());
-    high.each([&](std::uint16_t& height, std::size_t plain, int) { height = heights[plain]; });
-    const auto wait = [&](int pixel, std::uint16_t level) {
-        found[pixel] = level;
-        next[static_cast<std::size_t>(pixel)] = first[level];
-        first[level] = pixel;
-    };
-    found.each([&](std::uint16_t& value, std::size_t plain, int at) {
-        value = kUnseen;
-        if (inside[plain] != 0) wait(at, 0);
+    cells.each([&](Cell& cell, std::size_t plain, int at) {
+        cell = {heights[plain], inside[plain] != 0 ? std::uint16_t{0} : kUnseen};
+        if (inside[plain] != 0) now.push_back(at);
     });
-    const int steps[4] = {-found.width(), -1, 1, found.width()};
+    const int steps[4] = {-cells.width(), -1, 1, cells.width()};
     for (std::size_t level = 0; level < first.size(); ++level) {
-        for (int pixel = first[level]; pixel != kNone; pixel = first[level]) {
-            first[level] = next[static_cast<std::size_t>(pixel)];
+        for (int at = first[level]; at != kNone; at = waiting[static_cast<std::size_t>(at)]) now.push_back(at);
+        while (!now.empty()) {
+            const int at = now.back();
+            now.pop_back();
             ++pixels[level];
             for (const int step : steps) {
-                if (found[pixel + step] != kUnseen) continue;
-                wait(pixel + step, std::max(high[pixel + step], static_cast<std::uint16_t>(level)));
+                Cell& next = cells[at + step];
+                if (next.barrier != kUnseen) continue;
+                if (next.height <= level) {
+                    next.barrier = static_cast<std::uint16_t>(level);
+                    now.push_back(at + step);
+                } else {
+                    next.barrier = next.height;
+                    waiting[static_cast<std::size_t>(at + step)] = first[next.height];
+                    first[next.height] = at + step;
+                }
             }
         }
     }
-    found.each([&](std::uint16_t value, std::size_t plain, int) {
-        if (value == kUnseen) ++pixels[kMaxLevel];  // there is no start
-        out[plain] = std::min(value, static_cast<std::uint16_t>(kMaxLevel));
+    cells.each([&](Cell cell, std::size_t plain, int) {
+        if (cell.barrier == kUnseen) ++pixels[kMaxLevel];  // there is no start
+        out[plain] = std::min(cell.barrier, static_cast<std::uint16_t>(kMaxLevel));
     });
     return pixels;
 }
@@ -149,17 +157,22 @@ void look_up(const float* table, const std::uint16_t* places, std::size_t count,
     for (std::size_t i = 0; i < count; ++i) out[i] = table[static_cast<int>(places[i])];
 }
 
+// What is no number counts as 0.
+FFSEG_CLONES
+void step_all(const float* heights, std::size_t count, float scale, std::uint16_t* levels) {
+    constexpr auto kMost = static_cast<float>(kMaxLevel);
+    FFSEG_APART
+    for (std::size_t i = 0; i < count; ++i) {
+        const float level = heights[i] * scale + 0.5F, above = level > 0 ? level : 0;
+        levels[i] = static_cast<std::uint16_t>(static_cast<int>(above < kMost ? above : kMost));
+    }
+}
+
 }  // namespace
 
 std::vector<std::uint16_t> stepped(const float* heights, std::size_t count, double step) {
     std::vector<std::uint16_t> levels(count);
-    const float scale = static_cast<float>(1 / step);
-    for (std::size_t i = 0; i < count; ++i) {
-        const float level = heights[i] * scale + 0.5F;
-        levels[i] = static_cast<std::uint16_t>(!(level > 0)         ? 0
-                                               : level >= kMaxLevel ? kMaxLevel
-                                                                    : static_cast<int>(level));
-    }
+    step_all(heights, count, static_cast<float>(1 / step), levels.data());
     return levels;
 }
 
@@ -194,21 +207,25 @@ void geodesic(const float* heights, const std::uint8_t* inside, Size size, doubl
     constexpr unsigned kFar = std::numeric_limits<unsigned>::max();
     const auto highest = static_cast<std::size_t>(*std::max_element(levels.begin(), levels.end()));
     // the cost of a pixel is shared by the steps into it and out of it
-    Bordered<unsigned> costs(size, 0), own(size, 0);
-    Buckets buckets(2 * (highest + static_cast<std::size_t>(least)) * kSlanted + 1, costs.count());
-    own.each([&](unsigned& cost, std::size_t plain, int) { cost = levels[plain] + static_cast<unsigned>(least); });
-    costs.each([&](unsigned& cost, std::size_t plain, int at) {
-        cost = inside[plain] != 0 ? 0 : kFar;
+    struct Cell {
+        unsigned cost, own;
+    };
+    Bordered<Cell> cells(size, {0, 0});
+    Buckets buckets(2 * (highest + static_cast<std::size_t>(least)) * kSlanted + 1, cells.count());
+    cells.each([&](Cell& cell, std::size_t plain, int at) {
+        cell = {inside[plain] != 0 ? 0 : kFar, levels[plain] + static_cast<unsigned>(least)};
         if (inside[plain] != 0) buckets.put(0, at);
     });
-    const int row = costs.width();
+    const int row = cells.width();
     const int straight[4] = {-row, -1, 1, row}, slanted[4] = {-row - 1, -row + 1, row - 1, row + 1};
     buckets.empty([&](std::size_t cost, std::size_t place, int pixel) {
-        if (costs[pixel] < cost) return;
+        const Cell here = cells[pixel];
+        if (here.cost < cost) return;
         const auto reach = [&](int next, unsigned length) {
-            const unsigned added = (own[pixel] + own[next]) * length, sum = static_cast<unsigned>(cost) + added;
-            if (sum >= costs[next]) return;
-            costs[next] = sum;
+            Cell& cell = cells[next];
+            const unsigned added = (here.own + cell.own) * length, sum = static_cast<unsigned>(cost) + added;
+            if (sum >= cell.cost) return;
+            cell.cost = sum;
             const std::size_t to = place + added;
             buckets.put(to < buckets.levels() ? to : to - buckets.levels(), next);
         };
@@ -216,8 +233,8 @@ void geodesic(const float* heights, const std::uint8_t* inside, Size size, doubl
         for (const int offset : slanted) reach(pixel + offset, kSlanted);
     });
     const float scale = static_cast<float>(step / (2 * kStraight));
-    costs.each([&](unsigned cost, std::size_t plain, int) {
-        out[plain] = cost == kFar ? 0.0F : static_cast<float>(cost) * scale;
+    cells.each([&](const Cell& cell, std::size_t plain, int) {
+        out[plain] = cell.cost == kFar ? 0.0F : static_cast<float>(cell.cost) * scale;
     });
 }
 
