@@ -58,6 +58,10 @@ class LabelledImage:
     fixed: frozenset[str] = frozenset()
 
 
+SIDES = {"inside": INSIDE, "outside": OUTSIDE}
+"""Levels of masks that say something."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class TrainingSet:
     """Images with masks to learn from.
@@ -70,12 +74,15 @@ class TrainingSet:
         Start circles by name, of all images; empty without a file.
     masks : Masks
         Those that hold for all images.
+    one_sided : tuple of str
+        Names of images that are passed over: their masks know no pixel inside, or none outside.
     """
 
     labelled: list[LabelledImage]
     others: list[InputImage]
     starts: dict[str, Start]
     masks: Masks = NO_MASKS
+    one_sided: tuple[str, ...] = ()
 
 
 def gather(
@@ -86,7 +93,7 @@ def gather(
     Raises
     ------
     UsageError
-        If an input or the folder is missing, an image or mask cannot be read, or a mask shows one side only.
+        If an input or the folder is missing, an image or mask cannot be read, or all masks show one side only.
     ParameterError
         If the starts file is wrong, or has no row for an image.
     """
@@ -106,9 +113,14 @@ def gather(
     if labelled and not any((one.truth == INSIDE).any() for one in labelled):
         class_number = "" if label is None else f", and --truth-label {label} is in none of them"
         raise UsageError(f"--truth: no mask has a pixel inside{class_number}; 255 is inside, or the class you name")
-    for one in labelled:
-        _require_both_sides(one)
-    return TrainingSet(labelled, [one for one in sources if one.name not in truths], known, masks)
+    usable = [one for one in labelled if not _unknown_side(one)]
+    if labelled and not usable:
+        first, side = printable(labelled[0].name), _unknown_side(labelled[0])
+        raise UsageError(
+            f"{first}: the mask knows no pixel {side}: 255 is inside, 0 outside, 128 unknown; draw some of both"
+        )
+    one_sided = tuple(one.name for one in labelled if _unknown_side(one))
+    return TrainingSet(usable, [one for one in sources if one.name not in truths], known, masks, one_sided)
 
 
 def _require_own_masks(sources: Sequence[InputImage]) -> None:
@@ -121,12 +133,9 @@ def _require_own_masks(sources: Sequence[InputImage]) -> None:
             raise UsageError(f"{shown} are both called {printable(one.name)}; give the folder above them as the input")
 
 
-def _require_both_sides(one: LabelledImage) -> None:
-    for side, level in (("inside", INSIDE), ("outside", OUTSIDE)):
-        if not (one.truth == level).any():
-            raise UsageError(
-                f"{printable(one.name)}: the mask knows no pixel {side}: 255 is inside, 0 outside, 128 unknown; draw some of both"
-            )
+def _unknown_side(one: LabelledImage) -> str:
+    """The side of which the mask knows no pixel, if there is one."""
+    return next((side for side, level in SIDES.items() if not (one.truth == level).any()), "")
 
 
 def _read(

@@ -113,12 +113,9 @@ def learn_and_measure(
     Raises
     ------
     UsageError
-        If a mask shows one side only, or LightGBM is not installed.
+        If each mask shows too little of a side at the size that is looked at, or LightGBM is not installed.
     """
-    chosen = []
-    for one in gathered.labelled:
-        tell(f"looking at {printable(one.name)}")
-        chosen.append(_samples(one, params))
+    gathered, chosen = _sampled(gathered, params, tell)
     model = learn(chosen)
     tell(f"grown from {counted(len(chosen), 'mask')}")
     figures = _figures(gathered.labelled, chosen, tell) if measured else _unmeasured(len(chosen))
@@ -136,11 +133,20 @@ def learn_and_measure(
     return replace(model, about=about), replace(figures, order=order)
 
 
-def _samples(one: LabelledImage, params: Parameters) -> Samples:
-    try:
-        return samples(Example(one.image, one.truth, one.start, params.init.radius_in(one.image.shape)))
-    except UsageError as error:
-        raise UsageError(f"{printable(one.name)}: {error}") from error
+def _sampled(gathered: TrainingSet, params: Parameters, tell: Tell) -> tuple[TrainingSet, list[Samples]]:
+    """Samples of the images whose masks show enough of both sides, and those images."""
+    labelled, chosen, refused = list[LabelledImage](), list[Samples](), list[UsageError]()
+    for one in gathered.labelled:
+        tell(f"looking at {printable(one.name)}")
+        try:
+            chosen.append(samples(Example(one.image, one.truth, one.start, params.init.radius_in(one.image.shape))))
+            labelled.append(one)
+        except UsageError as error:
+            refused.append(UsageError(f"{printable(one.name)}: {error}"))
+            tell(f"passed over {refused[-1]}")
+    if not chosen:
+        raise refused[0]
+    return replace(gathered, labelled=labelled), chosen
 
 
 def _unmeasured(count: int) -> CrossValidation:

@@ -109,7 +109,7 @@ def test_without_the_model_is_without_that_of_the_parameters_too(folder: Path) -
     without = [learning._overlap(one, None) for one in plain.labelled]
     assert [learning._contoured(one, one.params, None) for one in named.labelled] != without
     assert [learning._overlap(one, None) for one in named.labelled] == without
-    chosen = [learning._samples(one, params) for one in plain.labelled]
+    _, chosen = learning._sampled(plain, params, said.append)
     assert learning._curve(named.labelled, chosen) == learning._curve(plain.labelled, chosen)
 
 

@@ -1,5 +1,6 @@
 """What ``ffseg tune`` and ``ffseg learn`` refuse or warn of before they look: starts off the masks, masks of one side."""
 
+import json
 import shutil
 from pathlib import Path
 from unittest.mock import Mock
@@ -211,19 +212,44 @@ def test_a_method_without_edges_is_refused(folder: Path) -> None:
     assert "method: cv_floodfill does not look at the edge map" in said
 
 
+@pytest.mark.parametrize("level", [0, 255])
+def test_a_mask_of_one_side_is_passed_over_and_said_to_be(folder: Path, level: int) -> None:
+    """`tune` counted an empty mask as 0 whatever was found, and one that is all inside as better the more leaked."""
+    write_image(folder / "truth" / "1.png", np.full(SHAPE, level, np.uint8))
+    found = gather([str(folder / "in")], str(folder / "truth"), load_params(None, {"init.center": [20, 30]}))
+    assert [one.name for one in found.labelled] == ["0.png", "2.png"]
+    assert (found.one_sided, found.others) == (("1.png",), [])
+    code, said = ran(folder, *START)
+    assert code == 0
+    assert "passed over 1.png: the mask knows no pixel inside, or none outside" in said
+
+
 LACKS = {
-    0: "the mask knows no pixel inside",
-    255: "the mask knows no pixel outside",
-    128: ".* has no pixel that counts",
+    0: "--truth: no mask has a pixel inside",
+    255: r"0\.png: the mask knows no pixel outside",
+    128: r"0\.png: .* has no pixel that counts",
 }
 
 
 @pytest.mark.parametrize(("level", "lacks"), LACKS.items())
-def test_a_mask_of_one_side_is_refused(folder: Path, level: int, lacks: str) -> None:
-    """`tune` counted an empty mask as 0 whatever was found, and one that is all inside as better the more leaked."""
-    write_image(folder / "truth" / "1.png", np.full(SHAPE, level, np.uint8))
-    with pytest.raises(UsageError, match=rf"1\.png: {lacks}"):
+def test_masks_that_all_show_one_side_are_refused(folder: Path, level: int, lacks: str) -> None:
+    for number in range(3):
+        write_image(folder / "truth" / f"{number}.png", np.full(SHAPE, level, np.uint8))
+    with pytest.raises(UsageError, match=lacks):
         gathered(folder, {"init.center": [20, 30], "init.radius": 5})
+
+
+def test_a_mask_too_small_to_be_seen_is_passed_over(folder: Path) -> None:
+    """One of many ended `ffseg learn`, and with it what `ffseg pick` learns."""
+    large = np.zeros((1000, 1000), np.uint8)
+    large[500, 500] = 255
+    write_image(folder / "in" / "1.png", large)
+    write_image(folder / "truth" / "1.png", large)
+    arguments = ["learn", str(folder / "in"), "--truth", str(folder / "truth"), "--out", str(folder / "m.ffmodel")]
+    done = CliRunner().invoke(app, [*arguments, "--quick", "--json"])
+    assert done.exit_code == 0
+    assert "passed over 1.png: what the mask knows inside is too small or thin" in done.stderr
+    assert json.loads(done.stdout)["masks"] == 2
 
 
 def test_with_a_model_its_level_alone_is_moved(folder: Path) -> None:

@@ -33,6 +33,16 @@ def warn_of_starts(labelled: Sequence[LabelledImage]) -> None:
         )
 
 
+def warn_of_one_sided(names: Sequence[str]) -> None:
+    """Say which images are passed over, as their masks know one side only."""
+    from ffseg.io.files import printable
+    from ffseg.learning.gather import some_names
+
+    if names:
+        what = "the mask knows no pixel inside, or none outside: 255 is inside, 0 outside, 128 unknown"
+        console.message(f"ffseg: warning: passed over {some_names([printable(name) for name in names])}: {what}")
+
+
 def warn_of_seen(labelled: Sequence[LabelledImage]) -> None:
     """Say which images the model of the parameters has learned from, by their names."""
     from ffseg.evidence.source import learned_from
