@@ -21,7 +21,7 @@ from ffseg.io.files import printable
 from ffseg.io.images import prepare_worker
 from ffseg.io.masks import NO_MASKS, Masks, named_masks
 from ffseg.io.starts import Start, finds_starts, load_starts
-from ffseg.learning.training import MIN_KNOWN
+from ffseg.learning.examples import MIN_KNOWN
 from ffseg.metrics import IGNORED, INSIDE, OUTSIDE
 from ffseg.parameters import Parameters
 from ffseg.starts.initial import start_contours

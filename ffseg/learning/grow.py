@@ -39,7 +39,8 @@ from ffseg.io.files import write_bytes_atomic
 from ffseg.io.images import prepare_worker
 from ffseg.learning.drawn.clicks import Clicks
 from ffseg.learning.drawn.sights import KINDS, Sight, sights
-from ffseg.learning.training import SETTINGS, converted, known_pixels, samples_by_default
+from ffseg.learning.examples import known_pixels, samples_by_default
+from ffseg.learning.training import SETTINGS, converted
 from ffseg.learning.training import grown as learned
 from ffseg.metrics import IGNORED, INSIDE
 

@@ -14,7 +14,7 @@ from ffseg.arrays import Mask, Plane
 from ffseg.batch.plan.sources import InputImage
 from ffseg.batch.workers.pictures import read_source
 from ffseg.errors import ImageReadError, SegmentationError, UsageError
-from ffseg.evidence.features import ALL_FEATURES, Features, features
+from ffseg.evidence.features import ALL_FEATURES, features
 from ffseg.evidence.forest import MODEL_ODDS_RATIO, UNMEASURED, Model
 from ffseg.evidence.prior import prior
 from ffseg.evidence.source import model_odds, model_start
@@ -22,15 +22,13 @@ from ffseg.image.appearance import Appearance
 from ffseg.image.edges import PRIOR_CALIBRATION, ScoreCalibration
 from ffseg.io.files import printable
 from ffseg.io.tables import counted, without_nan
+from ffseg.learning.examples import Example, Samples, samples, starts_in
 from ffseg.learning.gather import LabelledImage, TrainingSet, known_share, start_region
-from ffseg.learning.training import BaseChoice, Example, PriorChoice, Samples, grown, learn, samples, starts_in
+from ffseg.learning.training import BaseChoice, PriorChoice, folds, grown, learn
 from ffseg.metrics import iou
 from ffseg.parameters import Parameters
 from ffseg.pipeline import segment
 from ffseg.scene import Scene
-
-FOLDS = 10
-"""Parts the images are left out in; with fewer images, each is left out alone."""
 
 CURVE_TREES = 40
 """Trees of the forests that only show how figures rise with the number of masks."""
@@ -159,8 +157,8 @@ def _figures(labelled: Sequence[LabelledImage], chosen: Sequence[Samples], tell:
     if count < 2:
         return _unmeasured(count)
     own, other, promises = [0.0] * count, [0.0] * count, dict[int, float]()
-    folds = [range(part, count, min(FOLDS, count)) for part in range(min(FOLDS, count))]
-    for number, fold in enumerate(folds):
+    parts = folds(count)
+    for number, fold in enumerate(parts):
         searched = any(labelled[i].start is None for i in fold)
         model = learn([chosen[i] for i in range(count) if i not in fold], searched=searched)
         for i in fold:
@@ -168,7 +166,7 @@ def _figures(labelled: Sequence[LabelledImage], chosen: Sequence[Samples], tell:
             other[i], _ = _overlap(labelled[i], None)
             if promise is not None:
                 promises[i] = promise
-        tell(f"left out part {number + 1} of {len(folds)}: IoU {mean(own[i] for i in fold):.3f}")
+        tell(f"left out part {number + 1} of {len(parts)}: IoU {mean(own[i] for i in fold):.3f}")
     gains = [a - b for a, b in zip(own, other, strict=True)]
     helps = mean(gains) > MIN_STANDARD_ERRORS * stdev(gains) / len(gains) ** 0.5
     curve = _curve(labelled, chosen)
@@ -229,26 +227,29 @@ def _curve(labelled: Sequence[LabelledImage], chosen: Sequence[Samples]) -> tupl
     Notes
     -----
     Where no start is named it is drawn inside the mask: the curve shows what masks teach, not how well starts are found.
+    All models are tested on one image before the next is looked at, as features take much more room than models.
     """
-    count, rng, points = len(chosen), np.random.default_rng(0), []
+    count, rng = len(chosen), np.random.default_rng(0)
     labelled = [_started(replace(one, params=_without_model(one.params)), rng) for one in labelled]
-    seen, odds = list[Features](), list[Plane]()
-    for one in labelled:
-        if one.start is not None:
-            seen.append(features(Appearance(one.image), one.start, ALL_FEATURES))
-            odds.append(prior(seen[-1].appearance, one.start))
-    if len(seen) < count:
+    if any(one.start is None for one in labelled):
         return ()
-    for number in sorted({*(2**power for power in range(count.bit_length()) if 2**power < count), count - 1}):
-        found = []
+    tests: list[list[tuple[int, Model]]] = [[] for _ in labelled]
+    numbers = sorted({*(2**power for power in range(count.bit_length()) if 2**power < count), count - 1})
+    for number in numbers:
         for _ in range(DRAWS):
             drawn = rng.permutation(count)
             model = grown([chosen[i] for i in drawn[:number]], CURVE_TREES)
-            tested = drawn[number:][:MAX_TESTED]
-            maps = ((labelled[i], model.map(seen[i], prior=odds[i])) for i in tested)
-            found += [_contoured(one, one.params, evidence)[0] for one, evidence in maps]
-        points.append((number, round(mean(found), 4)))
-    return tuple(points)
+            for i in drawn[number:][:MAX_TESTED]:
+                tests[i].append((number, model))
+    found = {number: list[float]() for number in numbers}
+    for one, asked in zip(labelled, tests, strict=True):
+        if one.start is None or not asked:
+            continue
+        seen = features(Appearance(one.image), one.start, ALL_FEATURES)
+        odds = prior(seen.appearance, one.start)
+        for number, model in asked:
+            found[number].append(_contoured(one, one.params, model.map(seen, odds))[0])
+    return tuple((number, round(mean(overlaps), 4)) for number, overlaps in found.items())
 
 
 def _started(one: LabelledImage, rng: np.random.Generator) -> LabelledImage:

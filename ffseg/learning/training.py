@@ -1,4 +1,4 @@
-"""Training: samples of labelled pixels, and a boosted forest on them."""
+"""Training: boosted forests on labelled pixels, and what they are joined with."""
 
 from __future__ import annotations
 
@@ -9,52 +9,24 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ffseg.arrays import Floats, Image, Indices, Mask
-from ffseg.errors import UsageError
+from ffseg.arrays import Floats
 from ffseg.evidence.base import base, enough_of, joined, mean_overlap, odds_of
 from ffseg.evidence.features import (
     ALL_FEATURES,
-    DEFAULT_FEATURES,
     PLACE_FEATURES,
-    features,
-    reduced_mean,
 )
 from ffseg.evidence.forest import Forest, Model
 from ffseg.evidence.openings import OPENING_FEATURES
-from ffseg.evidence.prior import prior
-from ffseg.image.appearance import TEXTURE, WORKING_SIZE, Appearance
-from ffseg.metrics import IGNORED, INSIDE, OUTSIDE
-from ffseg.parameters import Parameters
+from ffseg.image.appearance import TEXTURE
+from ffseg.learning.examples import MIN_IN_LEAF, Samples
 from ffseg.plugins import require
-from ffseg.starts.initial import click_radius
 
 if TYPE_CHECKING:
     import lightgbm
 
 LIGHTGBM = "lightgbm", "learning needs LightGBM", "learn"
 """What grows forests, as `require` takes it."""
-
-STARTS = 5
-"""Starts from which each training image is seen: its own, and others drawn inside its mask, so that the forest learns
-what holds from any start."""
-
-CLICKS = 2
-"""So many of them are as small as clicks (`click_radius`), from which a model is asked as well. Models of five roads, and of
-three floors, reach an IoU of .85 after 1.7 and 1.9 clicks in place of 2.1 and 2.4 on photographs at even places, 1.7 and 3.0 for
-2.1 and 3.7 at odd ones; drawings do not tell (-.1, -.3 and +.4 clicks of 5 on 110 each, errors .2)."""
-
-PIXELS = 6000
-"""Pixels taken of an image; neighbours say nearly the same."""
-
-MIXED_FRACTION = 0.2
-"""A reduced pixel of which between this share and the rest lies inside is no sample of either."""
-
-MIN_KNOWN = 0.5
-"""Part of the pixels; masks that know less are scribbles: they say little of where the region ends, and each of their pixels
-counts. Where the rest of a mask is known, reduced pixels at the edge of what is not do harm: with them unseen road frames,
-learned from three masks, had a mean IoU of .801, without .810."""
 
 SETTINGS = {
     "objective": "binary",
@@ -75,7 +47,7 @@ SETTINGS = {
 
 TREES, LEARNING_RATE = 100, 0.1
 
-LEAVES_OF_AN_IMAGE, MIN_IN_LEAF = 24, 20
+LEAVES_OF_AN_IMAGE = 24
 """A leaf holds as many pixels as this part of an image: smaller ones learn what only one image has. On unseen road frames
 a twelfth as many gave an IoU lower by .02 from three and from five masks."""
 
@@ -90,8 +62,12 @@ PRIOR_WEIGHT = 1.0
 """Of the prior's log odds beside a model's own: two witnesses that do not know of each other. With half of it things, floors
 and mirrors gain less, and roads lose less where the prior is asked in vain."""
 
+FOLDS = 10
+"""Parts that images are left out in; with fewer images, each is left out alone."""
+
 SUBSAMPLING = 5
-"""Every fifth pixel is enough to see how well masks teach each other; so many starts lie one behind another."""
+"""Every fifth pixel is enough to see how well masks teach each other, so many starts lie one behind another; of more masks than
+are left out one by one, fewer of each."""
 
 TRUSTED_FEATURE, TRUSTED_LOG_ODDS = "open3", 0.5
 """The open ground that a forest of one mask trusts beyond what it has learned, and the log odds that it gets there."""
@@ -104,149 +80,6 @@ STARTLESS_FEATURES = tuple(
     name for name in FOREST_FEATURES if name.partition("@")[0] in TEXTURE or name in PLACE_FEATURES[:2]
 )  # fmt: skip
 """Features that need no start."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Example:
-    """An image with labels of some pixels.
-
-    Attributes
-    ----------
-    image : ndarray of uint8, shape (H, W) or (H, W, 3)
-    truth : ndarray of uint8, shape (H, W)
-        255 inside, 128 unknown, 0 outside.
-    start : ndarray of bool, shape (H, W), or None
-        The start region; without one, starts are drawn.
-    radius : float
-        px; of the starts that are drawn, but for those that are as small as clicks.
-    """
-
-    image: Image
-    truth: Image
-    start: Mask | None
-    radius: float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Samples:
-    """Samples of one image.
-
-    Attributes
-    ----------
-    rows : ndarray of float32, shape (N, F)
-        Features in the order of ``ALL_FEATURES``.
-    inside : ndarray of bool, shape (N,)
-    prior : ndarray of float32, shape (N,), or None
-        Log odds that the prior gives; None where it was not asked.
-    """
-
-    rows: Floats
-    inside: Mask
-    prior: Floats | None = None
-
-
-def samples_by_default(image: Image, truth: Image) -> Samples:
-    """Samples of an image and its truth, with starts drawn as `ffseg learn` draws them by default."""
-    return samples(Example(image, truth, None, Parameters().init.radius_in(truth.shape)))
-
-
-def samples(example: Example) -> Samples:
-    """Labelled pixels of an image, seen from several starts, each also mirrored.
-
-    Raises
-    ------
-    UsageError
-        If the mask knows no pixel inside, or none outside.
-    """
-    rng, image = np.random.default_rng(0), Appearance(example.image)
-    rows, labels, odds = [], [], []
-    for start in starts_in(example, rng):
-        seen = features(image, start, ALL_FEATURES)
-        scribbled = np.count_nonzero(example.truth != IGNORED) < MIN_KNOWN * example.truth.size
-        known = (known_of_some if scribbled else known_pixels)(example.truth, seen.factor)
-        chosen = _chosen(known.ravel(), rng)
-        found = seen.of_pixels(ALL_FEATURES, chosen)
-        rows += [found, mirrored(found)]
-        labels += [known.ravel()[chosen] > 0] * 2
-        odds += [reduced_mean(prior(image, start), seen.factor).ravel()[chosen]] * 2
-    inside = np.concatenate(labels) if labels else np.zeros(0, np.bool_)
-    if inside.all() or not inside.any():
-        side, level = ("outside", OUTSIDE) if inside.any() else ("inside", INSIDE)
-        if (example.truth == level).any():
-            small, size = image.factor > 1, f"{example.image.shape[1]}x{example.image.shape[0]}"
-            why = f": an image of {size} pixels is seen at {WORKING_SIZE}; cut it out" if small else "; draw more of it"
-            raise UsageError(f"what the mask knows {side} is too small or thin{why}, or leave it out")
-        raise UsageError(f"the mask knows no pixel {side}: 255 is inside, 0 outside, 128 unknown; draw some of both")
-    return Samples(np.concatenate(rows), inside, np.concatenate(odds))
-
-
-def _chosen(known: NDArray[np.int8], rng: np.random.Generator) -> Indices:
-    """Evenly drawn labelled pixels, with at least a leaf's number of each side where there are so many."""
-    places = rng.permutation(np.flatnonzero(known >= 0))
-    chosen, left = np.split(places, [PIXELS // STARTS])
-    few = [max(0, MIN_IN_LEAF - np.count_nonzero(known[chosen] == side)) for side in (0, 1)]
-    more = [left[known[left] == side][:count] for side, count in enumerate(few)]
-    return np.concatenate([chosen, *more])
-
-
-def starts_in(example: Example, rng: np.random.Generator) -> list[Mask]:
-    """The start of an image, and others drawn inside its mask, the last ones as small as clicks."""
-    own = [] if example.start is None else [example.start]
-    inside = example.truth == INSIDE
-    small = min(click_radius(inside.shape), example.radius)
-    large = _discs_inside(inside, example.radius, STARTS - CLICKS - len(own), rng)
-    return own + large + _discs_inside(inside, small, CLICKS, rng)
-
-
-def _discs_inside(inside: Mask, radius: float, count: int, rng: np.random.Generator) -> list[Mask]:
-    """Discs drawn inside a mask, smaller than asked for where it has no room; none if it is empty."""
-    places = np.argwhere(_windows_inside(inside, radius))
-    while not len(places) and radius >= 1:
-        radius /= 2
-        places = np.argwhere(_windows_inside(inside, radius))
-    if not len(places):
-        return []
-    rows, columns = np.ogrid[: inside.shape[0], : inside.shape[1]]
-    drawn = places[rng.integers(0, len(places), count)]
-    return [(rows - y) ** 2 + (columns - x) ** 2 <= radius**2 for y, x in drawn]
-
-
-def _windows_inside(inside: Mask, radius: float) -> Mask:
-    """Pixels whose window of half-width ``radius`` lies inside the mask and the image."""
-    reach = int(radius)
-    sums = np.pad(inside, ((1, 0), (1, 0))).astype(np.int64).cumsum(0).cumsum(1)
-    side = 2 * reach + 1
-    found = np.zeros_like(inside)
-    if min(inside.shape) >= side:
-        full = sums[side:, side:] - sums[:-side, side:] - sums[side:, :-side] + sums[:-side, :-side]
-        found[reach : inside.shape[0] - reach, reach : inside.shape[1] - reach] = full == side * side
-    return found
-
-
-def known_pixels(truth: Image, factor: int) -> NDArray[np.int8]:
-    """Labels of reduced pixels: 1 inside, 0 outside, -1 unknown or mixed."""
-    share = reduced_mean((truth == INSIDE).astype(np.float32), factor)
-    unknown = reduced_mean((truth == IGNORED).astype(np.float32), factor)
-    known = (share >= 0.5).astype(np.int8)
-    known[(unknown > MIXED_FRACTION) | ((share > MIXED_FRACTION) & (share < 1 - MIXED_FRACTION))] = -1
-    return known
-
-
-def known_of_some(truth: Image, factor: int) -> NDArray[np.int8]:
-    """Labels of reduced pixels from scribbles: a single labelled pixel decides."""
-    inside, outside = (reduced_mean((truth == level).astype(np.float32), factor) for level in (INSIDE, OUTSIDE))
-    least = (1 - MIXED_FRACTION) * (inside + outside)
-    return np.where(inside + outside <= 0, -1, np.where(inside >= least, 1, np.where(outside >= least, 0, -1))).astype(
-        np.int8
-    )
-
-
-def mirrored(rows: Floats) -> Floats:
-    """The same pixels in the mirrored image, in which only their places differ."""
-    found = rows.copy()
-    found[:, DEFAULT_FEATURES.index("x")] = 1 - rows[:, DEFAULT_FEATURES.index("x")]
-    found[:, DEFAULT_FEATURES.index("across")] = -rows[:, DEFAULT_FEATURES.index("across")]
-    return found
 
 
 def grow(
@@ -299,7 +132,7 @@ def _binned(
     weights = np.concatenate([np.full(len(one.inside), 1 / len(one.inside)) for one in chosen])
     known = None if begin is None else np.concatenate(begin).astype(np.float64)
     least = max(MIN_IN_LEAF, len(rows) // len(chosen) // LEAVES_OF_AN_IMAGE)
-    how = {**SETTINGS, "min_data_in_leaf": least}
+    how = {**SETTINGS, "min_data_in_leaf": least, "num_threads": 0}  # features are sorted apart
     data = lightgbm.Dataset(
         rows, labels.astype(np.float32), weight=weights / weights.mean(), init_score=known, params=how
     )
@@ -310,7 +143,7 @@ def _boosted(data: lightgbm.Dataset, trees: int, rate: float) -> list[dict[str, 
     """LightGBM's trees on such a data set."""
     import lightgbm
 
-    booster = lightgbm.train({**(data.params or {}), "learning_rate": rate}, data, trees)
+    booster = lightgbm.train({**(data.params or {}), "learning_rate": rate, "num_threads": 1}, data, trees)
     found: list[dict[str, Any]] = booster.dump_model()["tree_info"]
     return found
 
@@ -396,11 +229,9 @@ def choose_prior(chosen: Sequence[Samples], *, corrected: bool = False) -> Prior
     own = mean_overlap(odds, inside)
     if len(chosen) < 2:
         return PriorChoice(own >= enough_of(1), own, enough_of(1))
-    odds_of_others, few = _left_out_odds(tuple(chosen), corrected=corrected), [one[::SUBSAMPLING] for one in inside]
-    both = [
-        one + np.float32(PRIOR_WEIGHT) * known[::SUBSAMPLING] for one, known in zip(odds_of_others, odds, strict=True)
-    ]
-    taught, helped = mean_overlap(odds_of_others, few), mean_overlap(both, few)
+    few, left_out = some_of(len(chosen)), _left_out_odds(tuple(chosen), corrected=corrected)
+    both = [one + np.float32(PRIOR_WEIGHT) * known[few] for one, known in zip(left_out, odds, strict=True)]
+    taught, helped = (mean_overlap(told, [one[few] for one in inside]) for told in (left_out, both))
     return PriorChoice(helped > taught, own, taught=taught, both=helped)
 
 
@@ -453,22 +284,35 @@ def grow_inside(chosen: Sequence[Samples], trees: int = TREES) -> tuple[Forest, 
 
 
 def _left_out_overlap(chosen: Sequence[Samples]) -> float:
-    return mean_overlap(_left_out_odds(tuple(chosen), corrected=False), [one.inside[::SUBSAMPLING] for one in chosen])
+    few = some_of(len(chosen))
+    return mean_overlap(_left_out_odds(tuple(chosen), corrected=False), [one.inside[few] for one in chosen])
+
+
+def folds(count: int) -> list[range]:
+    """Parts that so many images are left out in."""
+    return [range(part, count, min(FOLDS, count)) for part in range(min(FOLDS, count))]
+
+
+def some_of(count: int) -> slice:
+    """Pixels of each of so many images that are looked at to see how well these teach each other."""
+    return slice(None, None, SUBSAMPLING * -(-count // FOLDS))
 
 
 @lru_cache(maxsize=1)  # of masks that leave the base aside both decisions ask
 def _left_out_odds(chosen: tuple[Samples, ...], *, corrected: bool) -> list[Floats]:
-    """Log odds of some pixels of each image by a small forest from the others, alone or correcting the base."""
-    thin = [Samples(one.rows[::SUBSAMPLING], one.inside[::SUBSAMPLING]) for one in chosen]
+    """Log odds of some pixels of each image by a small forest from others, alone or correcting the base."""
+    few = some_of(len(chosen))
+    thin = [Samples(one.rows[few], one.inside[few]) for one in chosen]
     begin = [odds_of(base(), one.rows) for one in thin] if corrected else None
-    odds = []
-    for number, left_out in enumerate(thin):
-        others, begun = thin[:number] + thin[number + 1 :], begin and begin[:number] + begin[number + 1 :]
-        data = _binned(others, FOREST_FEATURES, begun)
+    odds: dict[int, Floats] = {}
+    for fold in folds(len(thin)):
+        others = [number for number in range(len(thin)) if number not in fold]
+        data = _binned([thin[i] for i in others], FOREST_FEATURES, begin and [begin[i] for i in others])
         forest = converted(_boosted(data, round(TREES * CORRECTION_FRACTION), LEARNING_RATE), FOREST_FEATURES)
-        odds_of_others = odds_of(forest, left_out.rows)
-        odds.append(odds_of_others if begin is None else odds_of_others + begin[number])
-    return odds
+        for number in fold:
+            odds_of_others = odds_of(forest, thin[number].rows)
+            odds[number] = odds_of_others if begin is None else odds_of_others + begin[number]
+    return [odds[number] for number in range(len(thin))]
 
 
 def converted(trees: Sequence[dict[str, Any]], names: tuple[str, ...]) -> Forest:

@@ -17,7 +17,8 @@ from ffseg.api import segment
 from ffseg.evidence.forest import Model
 from ffseg.evidence.source import model_odds
 from ffseg.io.images import prepare_worker
-from ffseg.learning.training import Example, Samples, learn, samples
+from ffseg.learning.examples import Example, Samples, samples
+from ffseg.learning.training import learn
 from ffseg.metrics import iou
 from ffseg.parameters import load_params
 from tests.campaigns import harness

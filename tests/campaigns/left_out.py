@@ -23,7 +23,7 @@ from ffseg.io.images import prepare_worker
 from ffseg.io.tables import csv_table
 from ffseg.learning import grow
 from ffseg.learning.drawn.sights import KINDS, STARTS, sights
-from ffseg.learning.training import known_pixels
+from ffseg.learning.examples import known_pixels
 from tests.campaigns import harness
 
 GROUPS = (

@@ -12,7 +12,8 @@ from ffseg.evidence.forest import Forest, Model, from_bytes, to_bytes
 from ffseg.evidence.prior import prior
 from ffseg.evidence.source import model_odds
 from ffseg.image.appearance import Appearance
-from ffseg.learning.training import SUBSAMPLING, PriorChoice, Samples, choose_prior, learn, samples
+from ffseg.learning.examples import Samples, samples
+from ffseg.learning.training import SUBSAMPLING, PriorChoice, choose_prior, learn
 from tests.stumps import stump
 from tests.unit.test_evidence_base import halves
 from tests.unit.test_evidence_learning import example

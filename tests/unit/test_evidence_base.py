@@ -8,7 +8,8 @@ from ffseg.evidence.features import ALL_FEATURES, features
 from ffseg.evidence.forest import MAGIC, Model, from_bytes, to_bytes
 from ffseg.evidence.openings import OPENING_FEATURES
 from ffseg.image.appearance import Appearance, normalised_exposure
-from ffseg.learning.training import FOREST_FEATURES, Samples, _left_out_overlap, choose_base, grow, learn, samples
+from ffseg.learning.examples import Samples, samples
+from ffseg.learning.training import FOREST_FEATURES, _left_out_overlap, choose_base, grow, learn
 from ffseg.metrics import iou
 from tests.stumps import probabilities, stump
 from tests.unit.test_evidence_learning import example, predicted

@@ -1,38 +1,43 @@
 """Learning from masks: samples, trees as LightGBM grows them, models that find what they were shown."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from ffseg.errors import UsageError
-from ffseg.evidence.base import base
+from ffseg.evidence.base import base, mean_overlap
 from ffseg.evidence.features import ALL_FEATURES, features
 from ffseg.evidence.forest import Model
 from ffseg.evidence.openings import OPENING_FEATURES
 from ffseg.evidence.source import model_odds
 from ffseg.image.appearance import Appearance
+from ffseg.learning import training
+from ffseg.learning.examples import (
+    CLICKS,
+    PIXELS,
+    STARTS,
+    Example,
+    Samples,
+    known_of_some,
+    known_pixels,
+    mirrored,
+    samples,
+    starts_in,
+)
 from ffseg.learning.learn import uncertainty
 from ffseg.learning.training import (
-    CLICKS,
     CORRECTION_FRACTION,
     FOREST_FEATURES,
-    PIXELS,
     STARTLESS_FEATURES,
-    STARTS,
     TREE_FRACTION,
     TREES,
     TRUSTED_FEATURE,
     TRUSTED_LOG_ODDS,
-    Example,
     converted,
     grow,
-    known_of_some,
-    known_pixels,
     learn,
-    mirrored,
-    samples,
-    starts_in,
     trusting,
 )
 from ffseg.metrics import iou
@@ -204,3 +209,19 @@ def test_one_mask_mends_the_base_and_trusts_ground(enough: float, trees: int, mo
     assert one.inside.arrays["value"][-2:].tolist() == [-TRUSTED_LOG_ODDS, TRUSTED_LOG_ODDS]
     assert len(one.inside.arrays["root"]) == len(base().arrays["root"]) + 2 * round(TREE_FRACTION * trees) + 1
     assert iou(predicted(one, example(2)) > 0.5, example(2).truth) > 0.8
+
+
+def test_of_many_masks_ten_parts_are_left_out_of_as_many_pixels(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each was left out alone, in each part that is left out to measure: time went with the square of their number."""
+    chosen, grown_from = tuple(samples(example(seed)) for seed in range(12)), []
+    plain = training._binned
+
+    def counted(some: Sequence[Samples], *others: object) -> object:
+        grown_from.append((len(some), sum(len(one.inside) for one in some)))
+        return plain(some, *others)
+
+    monkeypatch.setattr(training, "_binned", counted)
+    odds = training._left_out_odds(chosen, corrected=False)
+    assert [count for count, _ in grown_from] == [10] * 2 + [11] * 8
+    assert [len(one) for one in odds] == [len(one.inside[:: 2 * training.SUBSAMPLING]) for one in chosen]
+    assert mean_overlap(odds, [one.inside[training.some_of(12)] for one in chosen]) > 0.9

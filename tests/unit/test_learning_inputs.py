@@ -16,10 +16,10 @@ from ffseg.errors import ParameterError, UsageError
 from ffseg.evidence import base
 from ffseg.evidence.forest import Model, to_bytes
 from ffseg.learning import learn as learning
+from ffseg.learning.examples import MIN_IN_LEAF, STARTS, Example, _chosen, starts_in
 from ffseg.learning.gather import few_known, gather, known_share, starts_off
 from ffseg.learning.learn import CrossValidation
 from ffseg.learning.page import summary_lines
-from ffseg.learning.training import MIN_IN_LEAF, STARTS, Example, _chosen, starts_in
 from ffseg.learning.tune import Bench, tune
 from ffseg.parameters import Parameters, load_params
 from tests.discs import bright_disc, disc_of
