@@ -70,27 +70,23 @@ class Features:
 
     Attributes
     ----------
-    appearance : Appearance
-        The image, and what needs no start.
     planes : dict of str to ndarray of float32, shape (h, w)
         All finite, by ``ALL_FEATURES``, ``DEFAULT_FEATURES`` or ``SHAPELESS_FEATURES``.
+    colours : dict of float to ndarray of float32, shape (3, h, w)
+        The planes of L, a and b at each scale, by that.
     inside : ndarray of uint8, shape (h, w)
         1 in the start region.
+    factor : int
+        Pixels a side of the image that became one.
+    shape : tuple of int
+        (H, W) of the image.
     """
 
-    appearance: Appearance
     planes: dict[str, Plane]
+    colours: dict[float, Plane]
     inside: Image
-
-    @property
-    def factor(self) -> int:
-        """Pixels a side of the image that became one."""
-        return self.appearance.factor
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """(H, W) of the image."""
-        return self.appearance.image.shape[:2]
+    factor: int
+    shape: tuple[int, int]
 
     def __getitem__(self, name: str) -> Plane:
         """The plane of that name, shape (h, w)."""
@@ -123,8 +119,8 @@ def features(
         If no pixel is in the start region.
     """
     inside, plain = broadened(reduced_region(start, appearance.factor), least), names == SHAPELESS_FEATURES
-    planes: dict[str, Plane] = {}
-    for scale in GEODESIC_SCALES if plain else SCALES:
+    planes, scales = dict[str, Plane](), GEODESIC_SCALES if plain else SCALES
+    for scale in scales:
         planes |= _colours(appearance, scale) if plain else _looks(appearance, scale, inside)
     for scale in GEODESIC_SCALES[:1] if plain else GEODESIC_SCALES:
         planes |= _at(scale, BARRIER_FEATURES, barriers(planes[f"slope@{scale:g}"], inside))
@@ -136,7 +132,8 @@ def features(
         planes |= _places(inside)
     if names == ALL_FEATURES:
         planes |= zip(OPENING_FEATURES, open_areas(appearance.walls, inside), strict=True)
-    return Features(appearance, planes, inside)
+    colours = {scale: appearance.smoothed(scale) for scale in scales}
+    return Features(planes, colours, inside, appearance.factor, appearance.image.shape[:2])
 
 
 def _at(scale: float, names: tuple[str, ...], planes: Iterable[Plane]) -> dict[str, Plane]:

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import log
-from typing import TypeVar
 
 import numpy as np
 
 from ffseg.arrays import Mask, Plane
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap
 from ffseg.native import _core
-
-Level = TypeVar("Level", np.uint8, np.float32)
 
 LEVEL = 0.5
 """Probability at which the region ends. Maps are rescaled so that any other requested level becomes this one (`at_level`)."""

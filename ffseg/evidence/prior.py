@@ -161,7 +161,7 @@ def write_pixel_features(seen: Features, out: Plane) -> None:
     for scale, planes in zip(GEODESIC_SCALES, np.split(out[:-rest], len(GEODESIC_SCALES)), strict=True):
         names = tuple(f"{name}@{scale:g}" for name in SMOOTHED)
         write_strided(seen, names, planes[:count])
-        write_relative(seen.appearance.smoothed(scale), seen.inside, planes[:count], planes[count:])
+        write_relative(seen.colours[scale], seen.inside, planes[:count], planes[count:])
     write_strided(seen, UNSCALED, out[-rest:-1])
     across, along = from_middle(seen.inside)
     out[-1] = distance_plane(across[::STRIDE], along[::STRIDE])

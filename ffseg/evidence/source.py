@@ -212,7 +212,8 @@ def model_start(
         return None
     regions = connected_parts(sure)
     ((x, y, depth),) = discs(sure, regions, np.array([regions.areas.argmax()]), np.inf)
-    x, y = (STRIDE * at * image.factor + (image.factor - 1) / 2 for at in (x, y))
+    middle = (image.factor - 1) / 2  # which the last block may not have
+    x, y = (min(at * factor + middle, size - 1.0) for at, size in zip((x, y), image.image.shape[1::-1], strict=True))
     return x, y, min(most, max(depth * factor, MIN_START_RADIUS * image.factor))
 
 

@@ -73,8 +73,9 @@ class Appearance:
         """(h, w) of the reduced image."""
         return reduced_shape(self.image.shape, self.factor)
 
-    @cached_property
+    @property
     def _shown(self) -> Image:
+        """The whole image as it is seen, made anew: kept, it would take as much room as the image."""
         return np.ascontiguousarray(normalised_exposure(self.image) if self.even else self.image)
 
     @cached_property

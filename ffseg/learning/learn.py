@@ -245,8 +245,8 @@ def _curve(labelled: Sequence[LabelledImage], chosen: Sequence[Samples]) -> tupl
     for one, asked in zip(labelled, tests, strict=True):
         if one.start is None or not asked:
             continue
-        seen = features(Appearance(one.image), one.start, ALL_FEATURES)
-        odds = prior(seen.appearance, one.start)
+        image = Appearance(one.image)
+        seen, odds = features(image, one.start, ALL_FEATURES), prior(image, one.start)
         for number, model in asked:
             found[number].append(_contoured(one, one.params, model.map(seen, odds))[0])
     return tuple((number, round(mean(overlaps), 4)) for number, overlaps in found.items())

@@ -93,6 +93,14 @@ def test_the_start_lies_in_the_largest_sure_region(forest: str) -> None:
     assert model_start(image, Model(model.inside), 5.0) is None
 
 
+def test_a_start_in_the_last_block_lies_in_the_image() -> None:
+    """Where the image ends in the first pixels of a block, its middle lies outside: the start was refused as given wrongly."""
+    image = Appearance(np.random.default_rng(0).integers(90, 110, (60, 805, 3), np.uint8))
+    x, y, _ = model_start(image, Model(stump("x", 0.5), stump("x", 268 / 269, 4)), 40.0) or (0, 0, 0)
+    assert (image.factor, x) == (3, 804)
+    assert 0 <= y <= 59
+
+
 def test_a_start_that_is_found_lies_beside_what_was_clicked_outside(forest: str) -> None:
     image = reddened(SMALL | LARGE)
     found = ffseg.segment(image, {"edges.model": forest, "init.background": [[90, 50, 12]]})
