@@ -31,7 +31,14 @@ from ffseg.evidence.features import (
 from ffseg.evidence.forest import shipped
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import blurred, logarithm, odds_edges, probability
-from ffseg.evidence.prior import MAX_LOG_ODDS, PIXEL_FEATURES, SMOOTHING, cautious_prior, write_pixel_features
+from ffseg.evidence.prior import (
+    MAX_LOG_ODDS,
+    PIXEL_FEATURES,
+    SMOOTHING,
+    appearance_of,
+    cautious_prior,
+    write_pixel_features,
+)
 from ffseg.evidence.recent import Recent
 from ffseg.evidence.surroundings import (
     COLOURS,
@@ -152,7 +159,7 @@ def _beside(scene: Scene, seen: Iterable[Look]) -> Plane | None:
     for x, y, radius in scene.params.init.circles:
         if not any(_in_window((y, x), window) for window, _ in seen):
             disc = rasterize([circle_start((x, y, radius), scene.params)], scene.shape)
-            return _looks.of(scene.image, "beside", partial(cautious_prior, Appearance(scene.image), disc), disc)
+            return _looks.of(scene.image, "beside", partial(cautious_prior, appearance_of(scene), disc), disc)
     return None
 
 

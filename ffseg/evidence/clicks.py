@@ -16,13 +16,13 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from ffseg.arrays import Image, Mask, Plane
+from ffseg.arrays import Mask, Plane
 from ffseg.evidence import hints, prior
 from ffseg.evidence.features import enlarged, reduced_mean
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.hints import HELD_RADIUS
 from ffseg.evidence.maps import expected_overlap, log_odds, odds_edges
-from ffseg.evidence.prior import MAX_LOG_ODDS
+from ffseg.evidence.prior import MAX_LOG_ODDS, appearance_of
 from ffseg.evidence.recent import Recent, digest_of
 from ffseg.evidence.surroundings import STRIDE, strided
 from ffseg.image.appearance import Appearance, reduced_shape
@@ -72,8 +72,8 @@ class ClickedImage:
 
     Attributes
     ----------
-    image : ndarray of uint8, shape (H, W) or (H, W, 3)
-        Grey or BGR.
+    appearance : Appearance
+        The image, of shape (H, W) or (H, W, 3), as the prior sees it.
     inside, outside : ndarray of bool, shape (H, W)
         Pixels known to lie there before the clicks, at least one inside.
     base : ndarray of float32, shape (H, W), or None
@@ -86,18 +86,13 @@ class ClickedImage:
         Gives the base from other pixels inside, shape (H, W) both; None where it does not depend on these.
     """
 
-    image: Image
+    appearance: Appearance
     inside: Mask
     outside: Mask
     base: Plane | None
     level: float
     within: Mask | None
     ask: Callable[[Mask], Plane] | None = None
-
-    @cached_property
-    def appearance(self) -> Appearance:
-        """The image as the prior sees it."""
-        return Appearance(self.image)
 
     @property
     def factor(self) -> int:
@@ -163,7 +158,7 @@ class ClickedImage:
     @cached_property
     def key(self) -> tuple[float, bytes]:
         """Equal for what is equal."""
-        return self.level, digest_of(self.image, self.inside, self.outside, self.base, self.within)
+        return self.level, digest_of(self.appearance.image, self.inside, self.outside, self.base, self.within)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -231,7 +226,7 @@ def with_clicks(
     odds, kept = base, None
     if first.any():
         beyond = np.zeros_like(inside) if scene.background is None else scene.background > 0
-        clicked = ClickedImage(scene.image, first, beyond, base, level, within, ask)
+        clicked = ClickedImage(appearance_of(scene), first, beyond, base, level, within, ask)
         state = state_after_all(clicked, circles, [_outside(*point) for point in points])
         if state is not None:
             odds, kept = _at_full_size(clicked, state)

@@ -8,7 +8,7 @@ makes it.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -32,8 +32,9 @@ from ffseg.evidence.features import (
 from ffseg.evidence.forest import shipped
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import blurred, odds_edges
+from ffseg.evidence.recent import Recent
 from ffseg.evidence.surroundings import STRIDE, SURROUNDINGS_FEATURES, strided, surroundings, voted, write_strided
-from ffseg.image.appearance import Appearance
+from ffseg.image.appearance import WORKING_SIZE, Appearance
 from ffseg.image.edges import EdgeMap
 from ffseg.native import _core
 from ffseg.scene import Scene
@@ -72,6 +73,18 @@ MAX_LOG_ODDS = 7.0
 CAUTION = 0.32
 """Subtracted from the log odds: on kinds of images that it was not grown on, the forest predicts too large regions. The
 mean IoU of pixels gains .012 (standard error .003) on kinds left out, .004 on kinds that were learned from."""
+
+
+CACHED_APPEARANCES = 2
+"""What the prior and a model see of the reduced copy that is looked at while the hand moves."""
+
+_appearances = Recent[Appearance](CACHED_APPEARANCES)
+
+
+def appearance_of(scene: Scene, size: int = WORKING_SIZE, *, even: bool = True) -> Appearance:
+    """What is seen of the image of a scene; that of a draft is kept, as the same is asked for again at each move of the hand."""
+    make = partial(Appearance, scene.image, size, even)
+    return _appearances.of(scene.image, (size, even), make) if scene.draft else make()
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,5 +193,5 @@ def with_prior(scene: Scene, image_edges: EdgeMap) -> EdgeMap:
     if not starts.any():
         return image_edges
     return odds_edges(
-        cautious_prior(Appearance(scene.image), starts), scene.params.region.probability, image_edges, "prior"
+        cautious_prior(appearance_of(scene), starts), scene.params.region.probability, image_edges, "prior"
     )

@@ -17,7 +17,7 @@ from ffseg.evidence.features import reduced_mean
 from ffseg.evidence.forest import Model, load_model
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import LEVEL, at_level, certain_odds, evidence_edges, probability, strength_edges
-from ffseg.evidence.prior import prior
+from ffseg.evidence.prior import appearance_of, prior
 from ffseg.evidence.recent import Recent
 from ffseg.evidence.surroundings import STRIDE, startless_planes
 from ffseg.image.appearance import WORKING_SIZE, Appearance
@@ -71,7 +71,7 @@ def model_edges(scene: Scene) -> EdgeMap:
         return _edges(scene, joined(_network_map(scene, path)), own, "model", boxed)
 
     model = ready(path)
-    appearance = scene.appearance if isinstance(scene.appearance, Appearance) else model.appearance(scene.image)
+    appearance = scene.appearance if isinstance(scene.appearance, Appearance) else _seen(scene, model)
 
     def say(start: Mask) -> Plane:
         make = partial(model_odds, model, appearance, start)
@@ -79,6 +79,11 @@ def model_edges(scene: Scene) -> EdgeMap:
 
     promised = boxed or model.calibration
     return _edges(scene, say(_before_clicks(scene)), own, "model", promised, lambda start: certain_odds(say(start)))
+
+
+def _seen(scene: Scene, model: Model) -> Appearance:
+    """The image as a model expects it."""
+    return appearance_of(scene, model.size, even=model.exposed)
 
 
 def _with_boxes(scene: Scene) -> tuple[Callable[[Plane], Plane], ScoreCalibration | None]:
@@ -179,7 +184,7 @@ def with_model_start(scene: Scene) -> Scene:
     if path is None or elsewhere or not path.endswith(FOREST_SUFFIX):
         return scene
     model, most = ready(path), init.radius_in(image.shape)
-    seen = model.appearance(image)
+    seen = _seen(scene, model)
     scene, find = replace(scene, appearance=seen), partial(model_start, seen, model, most)
     circle = _answers.of(image, (path, _mark(path), most), find) if init.circles or init.background else find()
     if circle is not None and scene.clicked_outside:

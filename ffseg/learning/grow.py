@@ -244,7 +244,8 @@ def for_clicks(seen: Sight, rng: np.random.Generator, model: Model | None = None
     shape, clicks, found = seen.truth.shape, Clicks((seen.start,)), list[Samples]()
     inside, outside = clicks.regions(shape)
     answer = None if model is None else partial(_answer, model, model.appearance(seen.image))
-    clicked = ClickedImage(seen.image, inside, outside, None if answer is None else answer(inside), 0.0, None, answer)
+    base = None if answer is None else answer(inside)
+    clicked = ClickedImage(Appearance(seen.image), inside, outside, base, 0.0, None, answer)
     own, say = prior.prior_view(clicked.appearance, clicked.inside), clicked.reduced_base
     state = first_state(clicked, own.cautious_odds if say is None else say, clicked.inside)
     for _ in range(int(rng.integers(*CLICKS))):

@@ -14,10 +14,12 @@ from tiny_onnx import pointwise
 import ffseg
 from ffseg.errors import ParameterError, SegmentationError
 from ffseg.evidence.forest import MODEL_ODDS_RATIO, Model, to_bytes
+from ffseg.evidence.recent import Recent
 from ffseg.evidence.source import check_model, model_start, with_model_start
 from ffseg.image.appearance import Appearance
 from ffseg.metrics import iou
 from ffseg.parameters import load_params
+from ffseg.pipeline import segment
 from tests.discs import disc_of
 from tests.stumps import stump
 
@@ -248,3 +250,23 @@ def test_commands_start_where_told(command: str, forest: str, tmp_path: Path, ff
         ffseg_command(*words, code=0)
         (row,) = table(out / ("timings.csv" if command == "run" else "compare.csv"))
         assert float(row["iou"]) > 0.9
+
+
+@pytest.mark.parametrize(("draft", "reduced"), [(True, 1), (False, 3)])
+def test_while_the_hand_moves_the_image_is_reduced_once(
+    forest: str, monkeypatch: pytest.MonkeyPatch, *, draft: bool, reduced: int
+) -> None:
+    image, made, plain = reddened(SMALL | LARGE), [], Appearance.__init__
+
+    def counted(self: Appearance, *arguments: object) -> None:
+        made.append(self)
+        plain(self, *arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Appearance, "__init__", counted)
+    monkeypatch.setattr("ffseg.evidence.prior._appearances", Recent(2))
+    found = []
+    for x in (85, 90, 95):
+        params = ffseg.load_params(None, {"edges.model": forest, "init.center": [x, 50], "init.radius": 4})
+        found.append(segment(ffseg.Scene(image, params, draft=draft)).mask)
+    assert len(made) == reduced
+    assert all(iou(mask, as_truth(LARGE)) > 0.97 for mask in found)

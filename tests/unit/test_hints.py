@@ -14,6 +14,7 @@ from ffseg.evidence import clicks as evidence
 from ffseg.evidence import hints, prior
 from ffseg.evidence.clicks import Click, ClickedImage, ClickState, state_after_all
 from ffseg.evidence.recent import Recent
+from ffseg.image.appearance import Appearance
 from ffseg.image.free import distances
 from ffseg.learning.drawn.clicks import Clicks, disc_mask
 from ffseg.learning.drawn.sights import Sight, sights
@@ -156,7 +157,9 @@ def told(said: NDArray[np.float32], circles: list[Click], points: list[Click] = 
     image = np.random.default_rng(3).integers(100, 140, (*said.shape, 3), np.uint8)
     y, x = np.ogrid[: said.shape[0], : said.shape[1]]
     inside = np.hypot(x - 20, y - 60) <= 6
-    return state_after_all(ClickedImage(image, inside, np.zeros_like(inside), said, 0.0, None), circles, points)
+    return state_after_all(
+        ClickedImage(Appearance(image), inside, np.zeros_like(inside), said, 0.0, None), circles, points
+    )
 
 
 def shows(monkeypatch: pytest.MonkeyPatch, *odds: float) -> Mock:
@@ -234,7 +237,7 @@ def test_only_clicks_inside_are_looked_from_anew(monkeypatch: pytest.MonkeyPatch
     first[76:85, 36:45] = True
     look = Mock(wraps=prior.start_features)
     monkeypatch.setattr(prior, "start_features", look)
-    asked = ClickedImage(image, first, np.zeros_like(first), None, 0.0, None)
+    asked = ClickedImage(Appearance(image), first, np.zeros_like(first), None, 0.0, None)
     outside = [Click(200.0, 80.0, 6.0, False), Click(210.0, 40.0, 6.0, False)]
     for circles, looks in (([], 1), ([Click(60.0, 40.0, 6.0, True)], 2)):
         assert state_after_all(asked, circles, outside) is not None
