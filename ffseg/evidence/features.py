@@ -228,14 +228,16 @@ def enlarged(plane: Plane, factor: int, shape: tuple[int, int], stride: int = 1)
     return whole
 
 
-def startless(appearance: Appearance) -> dict[str, Plane]:
-    """Planes that need no start, as `features` makes them."""
+def startless_planes(appearance: Appearance, names: tuple[str, ...]) -> Plane:
+    """Planes of these names, shape (len(names), h, w), as `features` makes them; of those that need a start, zeros."""
     height, width = appearance.shape
-    x, y = np.empty((2, height, width), np.float32)
-    x[:], y[:] = _shares(width), _shares(height)[:, None]
-    planes = {"x": x, "y": y}
+    planes = np.zeros((len(names), height, width), np.float32)
+    known = {"x": _shares(width), "y": _shares(height)[:, None]}
     for scale in SCALES:
-        planes |= _at(scale, TEXTURE, appearance.texture(scale))
+        known |= _at(scale, TEXTURE, appearance.texture(scale))
+    for plane, name in zip(planes, names, strict=True):
+        if name in known:
+            plane[:] = known[name]
     return planes
 
 

@@ -13,13 +13,12 @@ import numpy as np
 from ffseg.arrays import Mask, Plane
 from ffseg.errors import ImageReadError, ParameterError, SegmentationError
 from ffseg.evidence.clicks import with_clicks
-from ffseg.evidence.features import reduced_mean
+from ffseg.evidence.features import reduced_mean, startless_planes
 from ffseg.evidence.forest import Model, load_model
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import LEVEL, at_level, certain_odds, evidence_edges, probability, strength_edges
 from ffseg.evidence.prior import appearance_of, prior
 from ffseg.evidence.recent import Recent
-from ffseg.evidence.surroundings import STRIDE, startless_planes
 from ffseg.image.appearance import WORKING_SIZE, Appearance
 from ffseg.image.checked import require_size
 from ffseg.image.edges import PRIOR_CALIBRATION, EdgeMap, ScoreCalibration
@@ -209,7 +208,7 @@ def model_start(
     """Centre and radius (px, at most `most`) of a disc in the largest sure region not known `outside`, or None."""
     if model.start is None:
         return None
-    factor = image.factor * STRIDE
+    factor = image.factor
     sure = probability(model.start.log_odds(startless_planes(image, model.start.features))) >= LEVEL
     if outside is not None:
         sure &= reduced_mean(outside.astype(np.float32), factor) == 0
@@ -217,9 +216,9 @@ def model_start(
         return None
     regions = connected_parts(sure)
     ((x, y, depth),) = discs(sure, regions, np.array([regions.areas.argmax()]), np.inf)
-    middle = (image.factor - 1) / 2  # which the last block may not have
+    middle = (factor - 1) / 2  # which the last block may not have
     x, y = (min(at * factor + middle, size - 1.0) for at, size in zip((x, y), image.image.shape[1::-1], strict=True))
-    return x, y, min(most, max(depth * factor, MIN_START_RADIUS * image.factor))
+    return x, y, min(most, max(depth, MIN_START_RADIUS) * factor)
 
 
 def ready(path: str) -> Model:

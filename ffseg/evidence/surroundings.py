@@ -18,10 +18,9 @@ from ffseg.evidence.features import (
     barriers,
     geodesic,
     reduced_region,
-    startless,
 )
 from ffseg.evidence.maps import logarithm, logarithm_of
-from ffseg.image.appearance import Appearance, reduced_shape
+from ffseg.image.appearance import reduced_shape
 from ffseg.image.parts import dilated
 from ffseg.native import _core
 
@@ -92,14 +91,6 @@ def surroundings(seen: Features, out: Plane) -> None:
 def write_strided(seen: Features, names: tuple[str, ...], out: Plane) -> None:
     """Write every ``STRIDE``-th pixel each way of the planes of those names."""
     _core.evidence_thin([seen[name] for name in names], out)
-
-
-def startless_planes(appearance: Appearance, names: tuple[str, ...]) -> Plane:
-    """Every ``STRIDE``-th pixel each way of the planes of those names; zeros of those that need a start."""
-    known, none = startless(appearance), np.zeros(appearance.shape, np.float32)
-    planes = np.empty((len(names), *reduced_shape(none.shape, STRIDE)), np.float32)
-    _core.evidence_thin([known.get(name, none) for name in names], planes)
-    return planes
 
 
 def colours_of(seen: Features) -> Plane:
