@@ -1,5 +1,7 @@
 """Types of arrays by their content; the docstrings give their shapes."""
 
+from typing import TypeVar
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +16,9 @@ Plane = NDArray[np.float32]
 
 Floats = NDArray[np.float32]
 """Such values in another order: features of pixels in rows, odds of some pixels."""
+
+Level = TypeVar("Level", np.uint8, np.float32)
+"""Of what may be an image or a plane."""
 
 Array = NDArray[np.float64]
 

@@ -21,9 +21,9 @@ from ffseg.errors import SegmentationError
 from ffseg.evidence.clicks import with_clicks
 from ffseg.evidence.features import (
     BARRIER_FEATURES,
-    GRADIENT_STEP,
     SHAPELESS_FEATURES,
     Features,
+    barriers,
     enlarged,
     features,
     geodesic,
@@ -342,7 +342,7 @@ def _from_core(seen: Features, core: Image, others_way: Plane, out: Plane) -> No
     planes = np.empty((1 + len(COLOURS), *core.shape), np.float32)
     write_strided(seen, ("slope@1.5", *COLOURS), planes)
     length, place = out[len(BARRIER_FEATURES)], len(BARRIER_FEATURES) + 1
-    _core.evidence_barrier(planes[0], core, GRADIENT_STEP, out[: len(BARRIER_FEATURES)])
+    barriers(planes[0], core, out[: len(BARRIER_FEATURES)])
     geodesic(planes[0], core, length)
     out[place] = logarithm((length + 1) / (others_way + 1))
     alike, other = np.empty((2, *core.shape), np.float32)

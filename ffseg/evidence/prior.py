@@ -18,10 +18,10 @@ from ffseg.evidence.features import (
     BARRIER_FEATURES,
     COLOUR_FEATURES,
     GEODESIC_SCALES,
-    GRADIENT_STEP,
     RELATIVE_FEATURES,
     SHAPELESS_FEATURES,
     Features,
+    barriers,
     distance_plane,
     enlarged,
     features,
@@ -36,7 +36,6 @@ from ffseg.evidence.recent import Recent
 from ffseg.evidence.surroundings import STRIDE, SURROUNDINGS_FEATURES, strided, surroundings, voted, write_strided
 from ffseg.image.appearance import WORKING_SIZE, Appearance
 from ffseg.image.edges import EdgeMap
-from ffseg.native import _core
 from ffseg.scene import Scene
 from ffseg.starts.parts import start_core
 
@@ -162,9 +161,7 @@ def all_planes(seen: Features) -> Plane:
     write_pixel_features(seen, planes[: len(PIXEL_FEATURES)])
     surroundings(seen, planes[len(PIXEL_FEATURES) : -len(COLOUR_FLOOD_FEATURES)])
     heights = np.maximum(np.float32(ALIKE_LOG_RATIO) - blurred(strided(seen["likeness"]), 1.0 / STRIDE), np.float32(0))
-    _core.evidence_barrier(
-        heights, reduced_region(seen.inside > 0, STRIDE), GRADIENT_STEP, planes[-len(COLOUR_FLOOD_FEATURES) :]
-    )
+    barriers(heights, reduced_region(seen.inside > 0, STRIDE), planes[-len(COLOUR_FLOOD_FEATURES) :])
     return planes
 
 

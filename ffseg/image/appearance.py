@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TypeVar
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.arrays import Image, Plane
+from ffseg.arrays import Image, Level, Plane
 from ffseg.image.edges import edge_map
 from ffseg.native import _core
 from ffseg.parameters import Edges
@@ -40,8 +39,6 @@ pixels."""
 DARK_QUANTILE, HAZE_LEVELS = 0.01, (0.4, 0.6)
 """Quantile of the grey levels that should be near zero. If it exceeds these fractions of the mean, part of it (at the
 second all of it) is taken for haze or stray light and subtracted."""
-
-Level = TypeVar("Level", np.uint8, np.float32)
 
 
 @dataclass(frozen=True, eq=False)

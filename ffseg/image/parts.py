@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeVar
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.arrays import Image, Indices, Mask
-
-Level = TypeVar("Level", np.uint8, np.float32)
+from ffseg.arrays import Image, Indices, Level, Mask
 
 
 @dataclass(frozen=True, eq=False)

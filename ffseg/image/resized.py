@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TypeVar
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.arrays import Array, Image, Plane
-
-Level = TypeVar("Level", np.uint8, np.float32)
+from ffseg.arrays import Array, Image, Level, Plane
 
 
 def resized(plane: NDArray[Level], shape: tuple[int, int]) -> NDArray[Level]:

@@ -110,8 +110,13 @@ def samples(example: Example) -> Samples:
             small, size = image.factor > 1, f"{example.image.shape[1]}x{example.image.shape[0]}"
             why = f": an image of {size} pixels is seen at {WORKING_SIZE}; cut it out" if small else "; draw more of it"
             raise UsageError(f"what the mask knows {side} is too small or thin{why}, or leave it out")
-        raise UsageError(f"the mask knows no pixel {side}: 255 is inside, 0 outside, 128 unknown; draw some of both")
+        raise UsageError(unknown_side(side))
     return Samples(np.concatenate(rows), inside, np.concatenate(odds))
+
+
+def unknown_side(side: str) -> str:
+    """What to say of a mask that knows no pixel inside, or none outside."""
+    return f"the mask knows no pixel {side}: 255 is inside, 0 outside, 128 unknown; draw some of both"
 
 
 def _chosen(known: NDArray[np.int8], rng: np.random.Generator) -> Indices:

@@ -21,7 +21,7 @@ from ffseg.io.files import printable
 from ffseg.io.images import prepare_worker
 from ffseg.io.masks import NO_MASKS, Masks, named_masks
 from ffseg.io.starts import Start, finds_starts, load_starts
-from ffseg.learning.examples import MIN_KNOWN
+from ffseg.learning.examples import MIN_KNOWN, unknown_side
 from ffseg.metrics import IGNORED, INSIDE, OUTSIDE
 from ffseg.parameters import Parameters
 from ffseg.starts.initial import start_contours
@@ -113,13 +113,11 @@ def gather(
     if labelled and not any((one.truth == INSIDE).any() for one in labelled):
         class_number = "" if label is None else f", and --truth-label {label} is in none of them"
         raise UsageError(f"--truth: no mask has a pixel inside{class_number}; 255 is inside, or the class you name")
-    usable = [one for one in labelled if not _unknown_side(one)]
-    if labelled and not usable:
-        first, side = printable(labelled[0].name), _unknown_side(labelled[0])
-        raise UsageError(
-            f"{first}: the mask knows no pixel {side}: 255 is inside, 0 outside, 128 unknown; draw some of both"
-        )
-    one_sided = tuple(one.name for one in labelled if _unknown_side(one))
+    lacking = [_lacking(one) for one in labelled]
+    if labelled and all(lacking):
+        raise UsageError(f"{printable(labelled[0].name)}: {unknown_side(lacking[0])}")
+    one_sided = tuple(one.name for one, side in zip(labelled, lacking, strict=True) if side)
+    usable = [one for one, side in zip(labelled, lacking, strict=True) if not side]
     return TrainingSet(usable, [one for one in sources if one.name not in truths], known, masks, one_sided)
 
 
@@ -133,7 +131,7 @@ def _require_own_masks(sources: Sequence[InputImage]) -> None:
             raise UsageError(f"{shown} are both called {printable(one.name)}; give the folder above them as the input")
 
 
-def _unknown_side(one: LabelledImage) -> str:
+def _lacking(one: LabelledImage) -> str:
     """The side of which the mask knows no pixel, if there is one."""
     return next((side for side, level in SIDES.items() if not (one.truth == level).any()), "")
 

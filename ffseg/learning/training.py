@@ -12,10 +12,7 @@ import numpy as np
 
 from ffseg.arrays import Floats
 from ffseg.evidence.base import base, enough_of, joined, mean_overlap, odds_of
-from ffseg.evidence.features import (
-    ALL_FEATURES,
-    PLACE_FEATURES,
-)
+from ffseg.evidence.features import ALL_FEATURES, PLACE_FEATURES
 from ffseg.evidence.forest import Forest, Model
 from ffseg.evidence.openings import OPENING_FEATURES
 from ffseg.image.appearance import TEXTURE
