@@ -12,12 +12,16 @@ from ffseg.image.parts import parts_holding
 
 BOUNDARY_BAND = 3.0
 """Pixels: boundaries of two frames nearer to each other than this are two readings of the same one."""
+SMOOTHING, MIN_CHANGE, MAX_CHANGE = 1.5, 8.0, 6.0
+"""Smoothing, in pixels, before two frames are compared. Grey levels of change that need no motion; where all the picture is noisy
+or its light changes, the median change times the last. In 937 pairs of drawn frames that pan, zoom, flicker or are noisy a region
+keeps .93 of its pixels at least; of 16 things in the last frame before they leave the picture .41 at most, of 14 of them .14."""
 _MIN_SIDE = 64
 """Pixels: OpenCV's flow refuses images of less than 12 a side, and with 24 beside 400 it reads motion that is not there."""
 
 
-def warped_region(before: Image, now: Image, region: Mask) -> Mask:
-    """A region of the frame before, where the motion between the two frames takes it.
+def carried_region(before: Image, now: Image, region: Mask) -> tuple[Mask, Mask]:
+    """A region of the frame before, where the motion between the two frames takes it, and the part of it that is seen there.
 
     Parameters
     ----------
@@ -25,19 +29,27 @@ def warped_region(before: Image, now: Image, region: Mask) -> Mask:
         Two frames of one size.
     region : ndarray of bool, shape (H, W)
 
+    Returns
+    -------
+    region, seen : ndarray of bool, shape (H, W)
+        Seen is what has its colour still: no more than `MAX_CHANGE` lies between what is there and what motion takes there.
+
     References
     ----------
     T. Kroeger, R. Timofte, D. Dai, L. Van Gool: Fast Optical Flow using Dense Inverse Search, ECCV 2016.
     """
     height, width = region.shape
-    seen, last = _wide(now), _wide(before)
-    flow = np.zeros((*seen.shape, 2), np.float32)
-    flow = np.asarray(cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST).calc(seen, last, flow))[
+    late, early = _wide(now), _wide(before)
+    flow = np.zeros((*late.shape, 2), np.float32)
+    flow = np.asarray(cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST).calc(late, early, flow))[
         :height, :width
     ]
     x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
-    share = cv2.remap(region.astype(np.float32), x + flow[..., 0], y + flow[..., 1], cv2.INTER_LINEAR)
-    return np.asarray(share >= 0.5)
+    x, y = x + flow[..., 0], y + flow[..., 1]
+    taken = cv2.remap(region.astype(np.float32), x, y, cv2.INTER_LINEAR) >= 0.5
+    came = cv2.remap(_smooth(before), x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    change = cv2.absdiff(_smooth(now), came).reshape(height, width, -1).max(axis=2)
+    return np.asarray(taken), taken & (change <= max(MIN_CHANGE, MAX_CHANGE * float(np.median(change))))
 
 
 def steadied_region(own: Mask, before: Mask) -> Mask:
@@ -66,6 +78,10 @@ def start_in(region: Mask, circle: tuple[float, float, float]) -> tuple[float, f
         return circle
     nearest = int(np.argmin((columns - x) ** 2 + (rows - y) ** 2))
     return float(columns[nearest]), float(rows[nearest]), radius
+
+
+def _smooth(image: Image) -> Image:
+    return np.asarray(cv2.GaussianBlur(image, (0, 0), SMOOTHING), np.uint8)
 
 
 def _wide(image: Image) -> Image:

@@ -1,7 +1,11 @@
 """Frames in order: what the frame before is good for, and what it must never do."""
 
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from batches import snapshot, table
@@ -9,7 +13,7 @@ from commands import Command
 from drawn_films import pictures, write_film
 
 from ffseg.batch.workers.past import PastFrame
-from ffseg.image.flow import BOUNDARY_BAND, start_in, steadied_region, warped_region
+from ffseg.image.flow import BOUNDARY_BAND, carried_region, start_in, steadied_region
 from ffseg.io.images import Limits
 from ffseg.io.starts import Start
 from ffseg.parameters import load_params
@@ -24,17 +28,17 @@ def test_a_region_goes_where_motion_takes_it() -> None:
     texture = np.random.default_rng(1).integers(0, 60, (120, 160), dtype=np.uint8)
     before = np.where(disc(70, 60, 30), 180 + texture // 2, GROUND).astype(np.uint8)
     now = np.where(disc(76, 64, 30), 180 + np.roll(texture, (4, 6), (0, 1)) // 2, GROUND).astype(np.uint8)
-    region = warped_region(before, now, disc(70, 60, 30))
+    region = carried_region(before, now, disc(70, 60, 30))[0]
     assert overlap(region, disc(76, 64, 30)) > 0.97
     assert overlap(disc(70, 60, 30), disc(76, 64, 30)) < 0.8
-    assert overlap(warped_region(np.dstack([before] * 3), np.dstack([now] * 3), disc(70, 60, 30)), region) > 0.99
+    assert overlap(carried_region(np.dstack([before] * 3), np.dstack([now] * 3), disc(70, 60, 30))[0], region) > 0.99
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (2, 100), (8, 100), (24, 400), (100, 7)])
 def test_the_smallest_frames_are_carried_too(shape: tuple[int, int]) -> None:
     """OpenCV's flow refuses some of them and ends the process at others."""
     image = np.random.default_rng(1).integers(0, 255, shape, dtype=np.uint8)
-    assert overlap(warped_region(image, image, image >= 0), image >= 0) == 1
+    assert overlap(carried_region(image, image, image >= 0)[0], image >= 0) == 1
 
 
 def test_the_outline_goes_half_way_where_the_two_lie_close() -> None:
@@ -138,6 +142,59 @@ def test_what_was_picked_in_one_frame_is_followed(
     masks = [read_mask(tmp_path / "out" / "masks" / f"f_{number:06d}.png") for number in range(len(truths))]
     assert min(map(overlap, masks, truths)) > 0.85  # an outline half-way to that of the frame before lags by up to 3 px
     assert not any(row["start_x"] for row in table(tmp_path / "out" / "timings.csv")[1:])
+
+
+def test_what_was_picked_is_followed_over_frames_that_fail(
+    meeting: tuple[Path, list[np.ndarray]], tmp_path: Path, ran: Command
+) -> None:
+    """Frames behind a damaged one began again where the first one did, and took whatever was there by then."""
+    folder, out = Path(shutil.copytree(meeting[0], tmp_path / "film")), tmp_path / "out"
+    for number in (2, 3):
+        (folder / f"f_{number:06d}.png").write_bytes(b"")
+    (tmp_path / "starts.csv").write_text("image,x,y,radius\nf_000000.png,35,50,6\n")
+    options = "--steady", "--starts", tmp_path / "starts.csv"
+    assert ran(folder, out, *options).returncode == 3
+    assert overlap(read_mask(out / "masks" / "f_000004.png"), disc(35 + 6 * 4, 50, 18)) > 0.8
+    for first in "1234":  # as far as a run came that was stopped before
+        again = tmp_path / f"before {first}"
+        ran(folder, again, *options, "--exclude", f"*_00000[{first}-9]*", "--exclude", "*_00001*")
+        ran(folder, again, *options)
+        assert snapshot(again) == snapshot(out)
+
+
+@pytest.mark.parametrize("rows", ["start,60,50,6,,,", "box,40,30,,80,70,"])
+def test_what_leaves_the_picture_or_is_hidden_leaves_empty_masks(rows: str, tmp_path: Path, ran: Command) -> None:
+    """The start went to what was left at the border, or in front, and all that lay there was followed from then on."""
+    folder, out, rng, truths = tmp_path / "film", tmp_path / "out", np.random.default_rng(3), []
+    folder.mkdir()
+    for number in range(20):
+        pixels, thing = np.full((120, 160, 3), 60.0), disc(60 if number < 8 else 60 + 9 * (number - 7), 50, 18)
+        pixels[thing] = (60, 120, 200)
+        if number in {3, 4, 5}:
+            pixels[20:90, 30:130] = (90, 160, 90)
+            thing[:] = False
+        write_image(
+            folder / f"f_{number:06d}.png", (pixels + rng.normal(0, 4, pixels.shape)).clip(0, 255).astype(np.uint8)
+        )
+        truths.append(thing)
+    starts = tmp_path / "starts.csv"
+    starts.write_text(f"image,kind,x,y,radius,right,bottom,value\nf_000000.png,{rows}\n")
+    done = ran(folder, out, "--steady", "--starts", starts)
+    assert done.returncode == 0, done.stderr
+    masks = [read_mask(out / "masks" / f"f_{number:06d}.png") for number in range(len(truths))]
+    assert [bool(mask.any()) for mask in masks] == [truth.sum() > 10 for truth in truths]
+    assert min(overlap(mask, truth) for mask, truth in zip(masks, truths, strict=True) if truth.sum() > 200) > 0.8
+    noted = [row["image"] for row in table(out / "timings.csv") if "what was followed is not seen here" in row["note"]]
+    assert noted == [f"f_{number:06d}.png" for number, mask in enumerate(masks) if not mask.any()]
+    again = tmp_path / "again"
+    ran(folder, again, "--steady", "--starts", starts, "--exclude", "*_00000[5-9]*", "--exclude", "*_00001*")
+    ran(folder, again, "--steady", "--starts", starts)
+    assert snapshot(again) == snapshot(out)
+    frames = b"".join(cv2.imread(str(folder / f"f_{number:06d}.png")).tobytes() for number in range(len(truths)))
+    run = sys.executable, "-m", "ffseg", "run", "-", "--out", "-", "--raw", "160x120:bgr24", "--steady", "--starts"
+    piped = subprocess.run([*run, str(starts)], input=frames, capture_output=True, check=True)
+    found = np.frombuffer(piped.stdout, np.uint8).reshape(-1, 120, 160) > 0
+    assert np.array_equal(found, masks)
 
 
 def test_a_frame_with_rows_of_its_own_starts_there(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -11,21 +11,24 @@ from ffseg.batch.tar.members import digest
 from ffseg.batch.workers.freshness import JobFiles
 from ffseg.batch.workers.messages import Done, Failed, Reply, Task
 from ffseg.errors import ImageReadError
-from ffseg.image.flow import start_in, steadied_region, warped_region
-from ffseg.image.parts import Parts, connected_parts
+from ffseg.image.flow import carried_region, start_in, steadied_region
+from ffseg.image.parts import connected_parts
 from ffseg.io.files import read_bytes
 from ffseg.io.images import Limits, decode_image
 from ffseg.io.masks import decode_mask
 from ffseg.io.starts import Start
 from ffseg.parameters import Box, Circle, Parameters
 from ffseg.pipeline import outlines_of
-from ffseg.result import Segmentation
+from ffseg.result import Segmentation, Timings
+from ffseg.scene import Stats
 from ffseg.starts.pockets import START_RADIUS_FRACTION, discs
 from ffseg.starts.rivals import add_disc
 
 BOX_ROOM = 0.05
 """By how much a box lies further out than the region that was carried, in parts of the mean of its sides: 18 films of drawings
 that pan and zoom, 12 frames each, have an IoU of .73 with it, .71 with 0.1 and .61 with 0.15."""
+
+ABSENT = "what was followed is not seen here; rows of this frame in the starts file say where it is"
 
 
 @dataclass(slots=True, eq=False)
@@ -35,25 +38,40 @@ class PastFrame:
     steady: bool
     """Whether the past changes what is found, or only the flicker is measured."""
     limits: Limits
-    _last: tuple[str, bytes | None] = ("", None)
+    _last: _Frame = field(default_factory=lambda: _Frame(""))
+    """The frame that was done last."""
+    _before: _Frame = field(default_factory=lambda: _Frame(""))
+    """The frame before the one that is done now: the last that shows something, with ``steady``."""
     _region: Mask | None = None
+    _seen: Mask | None = None
+    """The region of that frame as it was carried to the one that is done now, and the part of it that is seen there."""
 
     def known(self, task: Task, read: JobFiles) -> JobFiles:
         """What went into a frame, with the frame before and its mask."""
-        seen = "".join(map(digest, (*read.before, self._mask(task))))
+        self._step(task, read)
+        image, mask = self._before.image, self._before.mask or b""
+        seen = "".join(map(digest, (image, mask) if read.before else (mask,)))
         content = f"{read.digests.content} past {digest(seen.encode('ascii'))}"
         return replace(read, digests=replace(read.digests, content=content))
 
-    def look(self, image: Image, task: Task, read: JobFiles) -> None:
+    def look(self, image: Image) -> None:
         """Carry the region of the frame before to this one; there is none where one of them could not be read."""
-        mask, before = self._mask(task), next(iter(read.before), b"")
+        before, mask = self._before.image, self._before.mask
         last = (decode_image(before, self.limits), decode_mask(mask, self.limits)) if mask and before else None
         self.carry(last, image)
 
     def carry(self, last: tuple[Image, Mask] | None, image: Image) -> None:
         """Carry the region of the frame before, given with its image, to this one."""
-        fits = last is not None and last[0].shape == image.shape
-        self._region = warped_region(last[0], image, last[1]) if last is not None and fits else None
+        self._region = self._seen = None
+        if last is not None and last[0].shape == image.shape:
+            self._region, self._seen = carried_region(last[0], image, last[1])
+
+    def absent(self, said: Start | None, shape: tuple[int, int]) -> Segmentation | None:
+        """The empty result where a starts file said of an earlier frame what to follow, and that is not seen here."""
+        if not (said and said.held and self.steady) or self._seen is None or _discs_in(self._seen):
+            return None
+        nothing, none = np.zeros(shape, np.bool_), Timings(0.0, 0.0, 0.0)
+        return Segmentation(nothing, (), Stats(stop_reason="vanished"), none, (ABSENT,), doubts=("empty",))
 
     def start(self, params: Parameters, shape: tuple[int, ...], said: Start | None) -> Parameters:
         """The parameters with the start moved into the carried region or, if there are several, as many in its parts.
@@ -61,18 +79,18 @@ class PastFrame:
         Boxes that a starts file said of an earlier frame become those round its parts; what it says of this one stays.
         """
         init = params.init
-        if self._region is None or not self.steady or (said and not said.held):
+        if self._region is None or self._seen is None or not self.steady or (said and not said.held):
             return params
         if said and init.boxes:
             return replace(params, init=replace(init, boxes=_boxes_round(self._region) or init.boxes))
         if init.boxes or init.mask:
             return params
         if len(init.circles) > 1:
-            circles = _starts_in(self._region, len(init.circles)) or init.circles
+            circles = _starts_in(self._seen, len(init.circles)) or init.circles
         else:
             x, y = init.center if init.center != "auto" else ((shape[1] - 1) / 2, (shape[0] - 1) / 2)
             one, *_ = init.circles or ((x, y, init.radius_in(shape)),)
-            circles = (start_in(self._region, one),)
+            circles = (start_in(self._seen, one),)
         return replace(params, init=replace(init, circles=circles))
 
     def result(self, found: Segmentation) -> tuple[Segmentation, dict[str, float | int]]:
@@ -91,26 +109,49 @@ class PastFrame:
 
     def remember(self, task: Task, reply: Reply) -> None:
         """Keep the mask of a frame that is done; that of one that need not be done is on the disk."""
-        made = reply.outputs if isinstance(reply, Done) else ()
-        none = b"" if isinstance(reply, Failed) else None
-        self._last = (task.outputs[0], next((one.data for one in made if one.path == task.outputs[0]), none))
+        if isinstance(reply, Failed):
+            self._step(task, None)
+            self._last = _Frame(task.outputs[0], b"", b"")
+        elif isinstance(reply, Done):
+            mask = next((one.data for one in reply.outputs if one.path == task.outputs[0]), None)
+            self._last = replace(self._last, mask=mask)
 
-    def _mask(self, task: Task) -> bytes:
-        """Mask of the frame before; empty where there is none."""
-        path, data = self._last
-        past = task.job.past
-        if not past or (path == past and data is not None):
-            return data or b"" if past else b""
+    def _step(self, task: Task, read: JobFiles | None) -> None:
+        """Go on to a frame, once: find out what stands before it."""
+        last, job = self._last, task.job
+        if last.path == task.outputs[0]:
+            return
+        if job.past != last.path:  # its first frame, or this process has just begun
+            last, self._before = _Frame(job.past, next(iter(read.before), b"") if read else b""), _Frame("")
+        if job.past and last.mask is None:
+            last = replace(last, mask=self._mask(f"{task.out}/{job.past}"))
+        if not (self.steady and self._is_empty(last.mask)):
+            self._before = last
+        self._last = _Frame(task.outputs[0], read.data if read else b"")
+
+    def _mask(self, path: str) -> bytes:
         try:
-            return read_bytes(f"{task.out}/{past}", self.limits.max_bytes)
+            return read_bytes(path, self.limits.max_bytes)
         except ImageReadError:
             return b""
+
+    def _is_empty(self, mask: bytes | None) -> bool:
+        return not mask or not decode_mask(mask, self.limits).any()
+
+
+@dataclass(frozen=True, slots=True)
+class _Frame:
+    """A frame as the next one needs it: the path of its mask, and image and mask as they are encoded, None on the disk."""
+
+    path: str
+    image: bytes = b""
+    mask: bytes | None = None
 
 
 def _boxes_round(region: Mask) -> tuple[Box, ...]:
     """A box round each part of a region, with room for what has moved; none round specks."""
     parts, found = connected_parts(region), []
-    for x, y, _ in _discs_in(parts, region):
+    for x, y, _ in _discs_in(region):
         rows, columns = np.nonzero(parts.labels == parts.labels[int(y), int(x)])
         left, top, right, bottom = (float(at) for at in (columns.min(), rows.min(), columns.max(), rows.max()))
         room = max(BOX_ROOM * (right - left + bottom - top + 2) / 2, 2.0)
@@ -122,7 +163,7 @@ def _starts_in(region: Mask, count: int) -> tuple[Circle, ...]:
     """So many starts at the deepest places of a region, and at least one in each part: what has met may part again."""
     found, left = list[Circle](), region.copy()
     while left.any() and (not found or len(found) < count):
-        more = _discs_in(connected_parts(left), region)
+        more = _discs_in(region, left)
         if not more:
             break
         found += more[: count - len(found)] if found else more
@@ -133,6 +174,7 @@ def _starts_in(region: Mask, count: int) -> tuple[Circle, ...]:
     return tuple(found)
 
 
-def _discs_in(parts: Parts, region: Mask) -> list[Circle]:
-    """A disc in each of these parts, where the region is deepest, if there is room for one."""
+def _discs_in(region: Mask, part: Mask | None = None) -> list[Circle]:
+    """A disc in each component of a region, or of a part of it, where the region is deepest, if there is room for one."""
+    parts = connected_parts(region if part is None else part)
     return [one for one in discs(region, parts, np.flatnonzero(parts.areas), np.inf) if one[2] >= 1]

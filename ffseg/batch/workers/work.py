@@ -94,7 +94,7 @@ class Workbench:
         image, note = read_picture(read.data, self._limits, self._setup.params.input.range)
         decoded = perf_counter()
         if self._past is not None:
-            self._past.look(image, task, read)
+            self._past.look(image)
         params = self._params(job, image.shape)
         found = self._found(image, read.before, job, params)
         segmented = perf_counter()
@@ -130,7 +130,8 @@ class Workbench:
                 from ffseg.batch.workers.pictures import read_evidence
 
                 scene = replace(scene, evidence=read_evidence(job.evidence, self._limits))
-            result = self._segment(scene)
+            absent = self._past and self._past.absent(job.start, scene.shape)
+            result = absent or self._segment(scene)
             result, cells = self._past.result(result) if self._past is not None else (result, {})
             return _JobResult(
                 result, replace(context, lines=polylines(result.contours) if products.overlay else ()), cells

@@ -137,11 +137,12 @@ class _Film:
                 result = segment(image, params)
             else:
                 self.past.carry(self.last, image)
-                result, _ = self.past.result(segment(image, self.past.start(params, image.shape, start)))
+                absent = self.past.absent(start, image.shape[:2])
+                result, _ = self.past.result(absent or segment(image, self.past.start(params, image.shape, start)))
         except SegmentationError as error:
-            self.last = None
             return np.zeros(image.shape[:2], np.bool_), (), str(error)
-        self.last = (image, result.mask)
+        if result.mask.any():
+            self.last = (image, result.mask)
         return result.mask, result.contours, ""
 
 
