@@ -2,10 +2,10 @@
 
 The state is a plane of log odds of inside. It begins as the prior's log odds for the first start, or as those of a model, a map
 or boxes. A later click gives new log odds, learned from it and all clicks before it (`ffseg.evidence.hints`); they replace the
-old ones only where they turn pixels to the side of that click, connected with it and near it (`CLICK_REACH`): a click mends
-the error that it was made for, and little else. While there are none outside, what the prior says from all circles at once counts
-if it is surer: they may be samples of many things. Circles and points outside have an order each, and points may say after how
-many circles they came; otherwise the one deeper in the present error is applied first, as a user would click.
+old ones only where they put pixels on the side of that click, connected with it and near it (`CLICK_REACH`): a click mends the
+error that it was made for, others beside it, and little else. While there are none outside, what the prior says from all circles
+at once counts if it is surer: they may be samples of many things. Circles and points outside have an order each, and points may
+say after how many circles they came; otherwise the one deeper in the present error is applied first, as a user would click.
 """
 
 from __future__ import annotations
@@ -343,21 +343,38 @@ def _state_after(
 def _within_reach(
     clicked: ClickedImage, before: ClickState, near: Plane, elsewhere: Plane, inside: Mask, click: hints.Correction
 ) -> ClickState:
-    """The state after a click; if it mends an error, without what it shows elsewhere where that would take much of the region."""
+    """The state after a click; if it mends an error, without what it shows apart or elsewhere where that takes much away."""
     state = next_state(clicked, before, near, elsewhere, inside, click)
     if click.depth == 0 or not click.shows_both:
         return state
-    mended = next_state(clicked, before, near, before.odds, inside, click)
-    taken = np.count_nonzero(mended.stays & ~state.stays)
-    return mended if taken > MOST_TAKEN * np.count_nonzero(mended.stays) else state
+    mended = next_state(clicked, before, near, before.odds, inside, click, apart=False)
+    for found in (state, next_state(clicked, before, near, elsewhere, inside, click, apart=False)):
+        if np.count_nonzero(mended.stays & ~found.stays) <= MOST_TAKEN * np.count_nonzero(mended.stays):
+            return found
+    return mended
 
 
 def next_state(
-    clicked: ClickedImage, before: ClickState, near: Plane, elsewhere: Plane, inside: Mask, click: hints.Correction
+    clicked: ClickedImage,
+    before: ClickState,
+    near: Plane,
+    elsewhere: Plane,
+    inside: Mask,
+    click: hints.Correction,
+    *,
+    apart: bool = True,
 ) -> ClickState:
-    """The state after a click: log odds `near` where they change pixels near it to its side, `elsewhere` in other places."""
-    disc, now, then = click.disc, near > clicked.level, elsewhere > clicked.level
-    counted = parts_holding((now & ~then if click.inside else then & ~now) & clicked.near(click) | disc, disc)
+    """The state after a click: log odds `near` where they put pixels near it on its side, `elsewhere` in other places.
+
+    Parameters
+    ----------
+    apart : bool
+        Whether pixels that change hang together with the click over such as are on its side anyway, too.
+    """
+    disc, counts = click.disc, (near > clicked.level) == click.inside
+    if not apart:
+        counts &= (elsewhere > clicked.level) != click.inside
+    counted = parts_holding(counts & clicked.near(click) | disc, disc)
     odds = np.where(counted, near, elsewhere)
     region = odds > clicked.level
     stays = before.stays & region

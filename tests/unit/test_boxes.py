@@ -247,6 +247,14 @@ def test_a_click_outside_in_the_middle_of_a_box_leaves_a_ring() -> None:
     assert iou(found.mask, np.where(ring, INSIDE, 0).astype(np.uint8)) > 0.95
 
 
+@pytest.mark.parametrize(("method", "parts"), [("freeform", 2), ("levelset", 2), ("snake", 1)])
+def test_a_box_of_two_objects_has_both_where_the_method_can(method: str, parts: int) -> None:
+    """The snake, one contour, takes the larger or first."""
+    image, _ = scene()
+    found = ffseg.segment(image, {"init.boxes": [[25, 35, 185, 105]], "method": method})
+    assert (found.source, found.num_regions) == ("box", parts)
+
+
 def test_a_click_in_a_picked_box_is_not_lost() -> None:
     placed = Start(60.0, 70.0, 8.0, boxes=((25.0, 35.0, 95.0, 105.0),)).placed(ffseg.load_params(), (140, 200))
     assert placed.init.circles == ((60.0, 70.0, 8.0),)

@@ -124,6 +124,16 @@ def box(left: int, top: int, right: int, bottom: int) -> np.ndarray:
     return found
 
 
+def test_polygons_of_coco_are_painted_all(tmp_path: Path) -> None:
+    parts = [[3, 4, 15, 4, 15, 20, 3, 20], [20, 10, 39, 10, 39, 28, 20, 28]]
+    document = {
+        "images": [{"id": 7, "file_name": "a.jpg"}],
+        "annotations": [{"image_id": 7, "category_id": 1, "segmentation": parts}],
+    }
+    found = read_labels(write(tmp_path, document)).mask("a.jpg", "", SHAPE)
+    assert np.array_equal(found, box(3, 4, 15, 20) | box(20, 10, 39, 28))
+
+
 def test_shapes_of_every_program_are_painted_where_they_stand(tmp_path: Path) -> None:
     y, x = np.mgrid[: SHAPE[0], : SHAPE[1]]
     part = base64.b64encode(cv2.imencode(".png", np.ones((4, 6), np.uint8))[1].tobytes()).decode()
