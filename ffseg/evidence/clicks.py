@@ -241,8 +241,7 @@ def with_clicks(
     edges = replace(edges, kept=kept, calibration=calibration.after(corrections))
     if not outside.any():
         return edges
-    free = ~outside if within is None else ~outside & within
-    return replace(edges, domain=np.where(free, np.uint8(255), np.uint8(0)))
+    return replace(edges, domain=np.where(~outside, np.uint8(255), np.uint8(0)))
 
 
 def _in_boxes(scene: Scene, odds: Plane) -> Scene:

@@ -144,7 +144,7 @@ class HintView:
         inside, outside = _halved(self.seen.inside), _halved(self.outside)
         colours = colours_of(self.seen)
         differs = likeness(colours, inside) - likeness(colours, outside)
-        return bool(np.abs(differs[(inside | outside) > 0]).max() < EQUAL_LOG_ODDS)
+        return bool(np.abs(differs).max() < EQUAL_LOG_ODDS)
 
 
 def hints(

@@ -67,7 +67,6 @@ def further_starts(scene: Scene) -> tuple[FreeForm, ...]:
     starts, most = scene.start_region(), params.init.radius_in(scene.shape)
     if scene.domain is not None:
         odds = np.where(scene.domain > 0, odds, np.float32(-1))
-        starts &= scene.domain > 0
     circles = list(starts_beyond((scene.edges.edges == 0) & (odds > -1), starts, most))
     if params.region.islands and scene.edges.source == "prior":  # which parts a model means, its start says
         circles += islands(odds, starts, most)
