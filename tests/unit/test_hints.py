@@ -139,6 +139,19 @@ def test_a_click_outside_corrects_what_a_map_says_and_leaves_the_rest() -> None:
     assert (found.source, iou(found.mask, truth) > 0.95) == ("hints", True)
 
 
+@pytest.mark.parametrize("points", [[], [[40, 65, 6]]])
+def test_a_click_over_the_limit_of_the_domain_shows_what_it_has_in_it(points: list[list[float]]) -> None:
+    levels, truth = np.full((160, 240, 3), (90, 120, 150), np.float64), np.zeros((160, 240), np.uint8)
+    levels[:, 120:], levels[30:130, 20:70] = (150, 130, 80), (150, 130, 80)  # outside the domain, and a thing in it
+    truth[:, :120], truth[30:130, 20:70] = INSIDE, 0
+    image = (levels + np.random.default_rng(2).normal(0, 40, levels.shape)).clip(0, 255).astype(np.uint8)
+    domain = np.zeros(truth.shape, np.uint8)
+    domain[:, :120] = 255
+    asked = {"init.circles": [[95, 120, 8], [130, 80, 22]], "init.background": points}
+    found = ffseg.segment(image, asked, domain=domain)
+    assert (found.source, iou(found.mask, truth) > 0.98) == ("hints", True)  # .73 to .95 with all of the disc
+
+
 @pytest.mark.parametrize("kind", ["thing", "tissue", "animal"])
 def test_a_click_in_a_leak_of_a_map_that_is_not_sure_takes_the_leak_and_little_else(kind: str) -> None:
     for seen in sights(kind, 6, UNSEEN):
