@@ -197,6 +197,21 @@ def test_what_leaves_the_picture_or_is_hidden_leaves_empty_masks(rows: str, tmp_
     assert np.array_equal(found, masks)
 
 
+@pytest.mark.parametrize("width", [1, 2, 3, 9])
+def test_what_is_thin_is_not_taken_for_gone(width: int) -> None:
+    past, rng = PastFrame(steady=True, limits=Limits()), np.random.default_rng(5)
+    ground, region = rng.integers(60, 70, (120, 160), np.uint8), np.zeros((120, 160), np.bool_)
+    region[20:100, 70 : 70 + width] = True
+    image = np.where(region, np.uint8(200), ground)
+    held = Start(x=70.0, y=60.0, radius=1.0).next_frame()
+    past.carry((image, region), image)
+    assert past.absent(held, region.shape) is None
+    past.carry((image, region), ground)
+    gone = past.absent(held, region.shape)
+    assert gone is not None
+    assert (gone.mask.any(), gone.doubts) == (False, ("empty",))
+
+
 def test_a_frame_with_rows_of_its_own_starts_there(
     meeting: tuple[Path, list[np.ndarray]], tmp_path: Path, ran: Command
 ) -> None:
