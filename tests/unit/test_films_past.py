@@ -3,6 +3,7 @@
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -210,6 +211,8 @@ def test_what_is_thin_is_not_taken_for_gone(width: int) -> None:
     gone = past.absent(held, region.shape)
     assert gone is not None
     assert (gone.mask.any(), gone.doubts) == (False, ("empty",))
+    for other in (None, Start(x=70.0, y=60.0), Start(probability=0.4).next_frame(), replace(held, found=True)):
+        assert past.absent(other, region.shape) is None  # nothing was picked before, or a model looks for itself
 
 
 def test_a_frame_with_rows_of_its_own_starts_there(

@@ -68,7 +68,8 @@ class PastFrame:
 
     def absent(self, said: Start | None, shape: tuple[int, int]) -> Segmentation | None:
         """The empty result where a starts file said of an earlier frame what to follow, and that is not seen here."""
-        if not (said and said.held and self.steady) or self._region is None or self._seen is None:
+        picked = said is not None and said.held and not said.found and (said.circles or said.boxes)
+        if not (picked and self.steady) or self._region is None or self._seen is None:
             return None
         if 2 * np.count_nonzero(self._seen) > np.count_nonzero(self._region) or _discs_in(self._seen):
             return None
