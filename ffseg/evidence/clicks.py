@@ -343,14 +343,13 @@ def _within_reach(
     clicked: ClickedImage, before: ClickState, near: Plane, elsewhere: Plane, inside: Mask, click: hints.Correction
 ) -> ClickState:
     """The state after a click; if it mends an error, without what it shows apart or elsewhere where that takes much away."""
-    state = next_state(clicked, before, near, elsewhere, inside, click)
+    after = partial(next_state, clicked, before, near, inside=inside, click=click)
+    states = (after(elsewhere, apart=apart) for apart in (True, False))
     if click.depth == 0 or not click.shows_both:
-        return state
-    mended = next_state(clicked, before, near, before.odds, inside, click, apart=False)
-    for found in (state, next_state(clicked, before, near, elsewhere, inside, click, apart=False)):
-        if np.count_nonzero(mended.stays & ~found.stays) <= MOST_TAKEN * np.count_nonzero(mended.stays):
-            return found
-    return mended
+        return next(states)
+    mended = after(before.odds, apart=False)
+    most = MOST_TAKEN * np.count_nonzero(mended.stays)
+    return next((one for one in states if np.count_nonzero(mended.stays & ~one.stays) <= most), mended)
 
 
 def next_state(

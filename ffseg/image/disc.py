@@ -85,7 +85,7 @@ def valid_disc(image: Image) -> Disc | None:
     surround = _corner_level(image, step)
     if surround is None or min(small.shape[:2]) < 8:
         return None
-    grey = np.ascontiguousarray(_brightest(small))
+    grey = np.ascontiguousarray(brightest_channel(small))
     level = _bright_level(grey)
     if surround > MAX_CORNER_LEVEL * level:
         return None
@@ -115,14 +115,15 @@ def _corner_level(image: Image, step: int) -> float | None:
     size = max(1, min(image.shape[:2]) // 16)
     ends, brightest = (slice(0, size, step), slice(-size, None, step)), 0.0
     for y, x in product(ends, ends):
-        corner = _brightest(image[y, x])
+        corner = brightest_channel(image[y, x])
         brightest = max(brightest, int(np.add.reduce(corner, axis=None, dtype=np.int64)) / corner.size)
         if brightest > MAX_CORNER_LEVEL * 255:
             return None
     return brightest
 
 
-def _brightest(image: Image) -> Image:
+def brightest_channel(image: Image) -> Image:
+    """The brightest channel of each pixel, shape (H, W)."""
     if image.ndim == 2:
         return image
     found = image[..., 0]

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from ffseg.arrays import Image, Mask, Plane
+from ffseg.image.disc import brightest_channel
 from ffseg.image.free import distances
 from ffseg.image.keypoints import grey_image
 from ffseg.image.parts import parts_holding
@@ -20,36 +21,42 @@ _MIN_SIDE = 64
 """Pixels: OpenCV's flow refuses images of less than 12 a side, and with 24 beside 400 it reads motion that is not there."""
 
 
-def carried_region(before: Image, now: Image, region: Mask) -> tuple[Mask, Mask]:
-    """A region of the frame before, where the motion between the two frames takes it, and the part of it that is seen there.
+def origins(before: Image, now: Image) -> Plane:
+    """Where the motion between two frames says that each pixel of the later one was in the frame before.
 
     Parameters
     ----------
     before, now : ndarray of uint8, shape (H, W) or (H, W, 3)
         Two frames of one size.
-    region : ndarray of bool, shape (H, W)
 
     Returns
     -------
-    region, seen : ndarray of bool, shape (H, W)
-        Seen is what has its colour still: no more than `MAX_CHANGE` lies between what is there and what motion takes there.
+    ndarray of float32, shape (H, W, 2)
+        x and y in pixels.
 
     References
     ----------
     T. Kroeger, R. Timofte, D. Dai, L. Van Gool: Fast Optical Flow using Dense Inverse Search, ECCV 2016.
     """
-    height, width = region.shape
+    height, width = now.shape[:2]
     late, early = _wide(now), _wide(before)
     flow = np.zeros((*late.shape, 2), np.float32)
-    flow = np.asarray(cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST).calc(late, early, flow))[
-        :height, :width
-    ]
+    flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST).calc(late, early, flow)[:height, :width]
     x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
-    x, y = x + flow[..., 0], y + flow[..., 1]
-    taken = cv2.remap(region.astype(np.float32), x, y, cv2.INTER_LINEAR) >= 0.5
+    return np.asarray(np.dstack([x, y]) + flow, np.float32)
+
+
+def carried_region(region: Mask, places: Plane) -> Mask:
+    """A region of the frame before, shape (H, W), in the later one, whose pixels were at these places (`origins`)."""
+    return np.asarray(cv2.remap(region.astype(np.float32), places[..., 0], places[..., 1], cv2.INTER_LINEAR) >= 0.5)
+
+
+def kept_colours(before: Image, now: Image, places: Plane) -> Mask:
+    """Which pixels of the later frame still have the colour that they had at these places, up to `MAX_CHANGE`, shape (H, W)."""
+    x, y = places[..., 0], places[..., 1]
     came = cv2.remap(_smooth(before), x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    change = cv2.absdiff(_smooth(now), came).reshape(height, width, -1).max(axis=2)
-    return np.asarray(taken), taken & (change <= max(MIN_CHANGE, MAX_CHANGE * float(np.median(change))))
+    change = brightest_channel(np.asarray(cv2.absdiff(_smooth(now), came), np.uint8))
+    return np.asarray(change <= max(MIN_CHANGE, MAX_CHANGE * float(np.median(change))))
 
 
 def steadied_region(own: Mask, before: Mask) -> Mask:

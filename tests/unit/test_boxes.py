@@ -249,7 +249,7 @@ def test_a_click_outside_in_the_middle_of_a_box_leaves_a_ring() -> None:
 
 @pytest.mark.parametrize(("method", "parts"), [("freeform", 2), ("levelset", 2), ("snake", 1)])
 def test_a_box_of_two_objects_has_both_where_the_method_can(method: str, parts: int) -> None:
-    """The snake, one contour, takes the larger or first."""
+    """The snake is one contour, and has one of them."""
     image, _ = scene()
     found = ffseg.segment(image, {"init.boxes": [[25, 35, 185, 105]], "method": method})
     assert (found.source, found.num_regions) == ("box", parts)

@@ -14,7 +14,7 @@ from commands import Command
 from drawn_films import pictures, write_film
 
 from ffseg.batch.workers.past import PastFrame
-from ffseg.image.flow import BOUNDARY_BAND, carried_region, start_in, steadied_region
+from ffseg.image.flow import BOUNDARY_BAND, carried_region, origins, start_in, steadied_region
 from ffseg.io.images import Limits
 from ffseg.io.starts import Start
 from ffseg.parameters import load_params
@@ -29,17 +29,18 @@ def test_a_region_goes_where_motion_takes_it() -> None:
     texture = np.random.default_rng(1).integers(0, 60, (120, 160), dtype=np.uint8)
     before = np.where(disc(70, 60, 30), 180 + texture // 2, GROUND).astype(np.uint8)
     now = np.where(disc(76, 64, 30), 180 + np.roll(texture, (4, 6), (0, 1)) // 2, GROUND).astype(np.uint8)
-    region = carried_region(before, now, disc(70, 60, 30))[0]
+    region = carried_region(disc(70, 60, 30), origins(before, now))
     assert overlap(region, disc(76, 64, 30)) > 0.97
     assert overlap(disc(70, 60, 30), disc(76, 64, 30)) < 0.8
-    assert overlap(carried_region(np.dstack([before] * 3), np.dstack([now] * 3), disc(70, 60, 30))[0], region) > 0.99
+    in_colour = origins(np.dstack([before] * 3), np.dstack([now] * 3))
+    assert overlap(carried_region(disc(70, 60, 30), in_colour), region) > 0.99
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (2, 100), (8, 100), (24, 400), (100, 7)])
 def test_the_smallest_frames_are_carried_too(shape: tuple[int, int]) -> None:
     """OpenCV's flow refuses some of them and ends the process at others."""
     image = np.random.default_rng(1).integers(0, 255, shape, dtype=np.uint8)
-    assert overlap(carried_region(image, image, image >= 0)[0], image >= 0) == 1
+    assert overlap(carried_region(image >= 0, origins(image, image)), image >= 0) == 1
 
 
 def test_the_outline_goes_half_way_where_the_two_lie_close() -> None:
@@ -206,13 +207,13 @@ def test_what_is_thin_is_not_taken_for_gone(width: int) -> None:
     image = np.where(region, np.uint8(200), ground)
     held = Start(x=70.0, y=60.0, radius=1.0).next_frame()
     past.carry((image, region), image)
-    assert past.absent(held, region.shape) is None
+    assert past.absent(held) is None
     past.carry((image, region), ground)
-    gone = past.absent(held, region.shape)
+    gone = past.absent(held)
     assert gone is not None
     assert (gone.mask.any(), gone.doubts) == (False, ("empty",))
     for other in (None, Start(x=70.0, y=60.0), Start(probability=0.4).next_frame(), replace(held, found=True)):
-        assert past.absent(other, region.shape) is None  # nothing was picked before, or a model looks for itself
+        assert past.absent(other) is None  # nothing was picked before, or a model looks for itself
 
 
 def test_a_frame_with_rows_of_its_own_starts_there(

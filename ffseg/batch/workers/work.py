@@ -130,7 +130,7 @@ class Workbench:
                 from ffseg.batch.workers.pictures import read_evidence
 
                 scene = replace(scene, evidence=read_evidence(job.evidence, self._limits))
-            absent = self._past and self._past.absent(job.start, scene.shape)
+            absent = self._past and self._past.absent(job.start)
             result = absent or self._segment(scene)
             result, cells = self._past.result(result) if self._past is not None else (result, {})
             return _JobResult(

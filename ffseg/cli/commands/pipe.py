@@ -137,7 +137,7 @@ class _Film:
                 result = segment(image, params)
             else:
                 self.past.carry(self.last, image)
-                absent = self.past.absent(start, image.shape[:2])
+                absent = self.past.absent(start)
                 result, _ = self.past.result(absent or segment(image, self.past.start(params, image.shape, start)))
         except SegmentationError as error:
             return np.zeros(image.shape[:2], np.bool_), (), str(error)
