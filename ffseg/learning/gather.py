@@ -74,15 +74,15 @@ class TrainingSet:
         Start circles by name, of all images; empty without a file.
     masks : Masks
         Those that hold for all images.
-    one_sided : tuple of str
-        Names of images that are passed over: their masks know no pixel inside, or none outside.
+    passed_over : tuple of str
+        Images that cannot be learned from, each with what is wrong with it or its mask.
     """
 
     labelled: list[LabelledImage]
     others: list[InputImage]
     starts: dict[str, Start]
     masks: Masks = NO_MASKS
-    one_sided: tuple[str, ...] = ()
+    passed_over: tuple[str, ...] = ()
 
 
 def gather(
@@ -93,7 +93,8 @@ def gather(
     Raises
     ------
     UsageError
-        If an input or the folder is missing, an image or mask cannot be read, or all masks show one side only.
+        If an input or the folder is missing, or nothing can be learned from any image: each, or its mask, cannot be read, has
+        another size than the other, or shows one side only.
     ParameterError
         If the starts file is wrong, or has no row for an image.
     """
@@ -106,19 +107,17 @@ def gather(
     masks, chosen = named_masks(params), [one for one in sources if one.name in truths]
     _require_own_masks(chosen)
     domains = find_domains(chosen, params.domain.masks) if params.domain.masks else {}
-    labelled = []
+    labelled, refused = list[LabelledImage](), list[UsageError]()
     for source in chosen:
         own = masks.within(domains.get(source.name, ""))
-        labelled.append(_read(source, truths[source.name], params, own, label, known.get(source.name)))
-    if labelled and not any((one.truth == INSIDE).any() for one in labelled):
-        class_number = "" if label is None else f", and --truth-label {label} is in none of them"
-        raise UsageError(f"--truth: no mask has a pixel inside{class_number}; 255 is inside, or the class you name")
-    lacking = [_lacking(one) for one in labelled]
-    if labelled and all(lacking):
-        raise UsageError(f"{printable(labelled[0].name)}: {unknown_side(lacking[0])}")
-    one_sided = tuple(one.name for one, side in zip(labelled, lacking, strict=True) if side)
-    usable = [one for one, side in zip(labelled, lacking, strict=True) if not side]
-    return TrainingSet(usable, [one for one in sources if one.name not in truths], known, masks, one_sided)
+        try:
+            labelled.append(_read(source, truths[source.name], params, own, label, known.get(source.name)))
+        except UsageError as error:
+            refused.append(error)
+    if refused and not labelled:
+        raise refused[0]
+    others = [one for one in sources if one.name not in truths]
+    return TrainingSet(labelled, others, known, masks, tuple(map(str, refused)))
 
 
 def _require_own_masks(sources: Sequence[InputImage]) -> None:
@@ -129,11 +128,6 @@ def _require_own_masks(sources: Sequence[InputImage]) -> None:
         if other is not one:
             shown = f"{printable(other.display_path)} and {printable(one.display_path)}"
             raise UsageError(f"{shown} are both called {printable(one.name)}; give the folder above them as the input")
-
-
-def _lacking(one: LabelledImage) -> str:
-    """The side of which the mask knows no pixel, if there is one."""
-    return next((side for side, level in SIDES.items() if not (one.truth == level).any()), "")
 
 
 def _read(
@@ -147,6 +141,10 @@ def _read(
             if mask is not None:
                 require_size(key, mask, image.shape, "it must have the image's size")
         begun = start_region(image.shape[:2], params, masks.start)
+        lacking = [side for side, level in SIDES.items() if not (levels == level).any()]
+        if lacking:
+            classes = "" if label is None else f"; class {label} is inside here (--truth-label)"
+            raise SegmentationError(unknown_side(lacking[0]) + classes)
     except (ImageReadError, SegmentationError) as error:
         raise UsageError(f"{printable(source.name)}: {error}") from error
     return LabelledImage(

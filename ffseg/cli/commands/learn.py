@@ -13,7 +13,7 @@ import typer
 
 from ffseg.cli import console, options
 from ffseg.cli.checks import output_file, ready_params
-from ffseg.cli.commands.telling import progress, warn_of_one_sided, warn_of_starts
+from ffseg.cli.commands.telling import progress, warn_of_passed_over, warn_of_starts
 from ffseg.errors import UsageError
 from ffseg.io.files import printable
 from ffseg.io.tables import counted, without_nan
@@ -61,7 +61,7 @@ def learn(  # noqa: PLR0913 - the options of the command
 
     require(*LIGHTGBM)
     found = gather(inputs, os.fspath(truth), params, options.starts_file(starts, params), truth_label)
-    warn_of_one_sided(found.one_sided)
+    warn_of_passed_over(found.passed_over)
     warn_of_starts([one for one in found.labelled if one.start is not None])
     model, figures = learn_and_measure(found, params, progress(quiet=quiet), measured=not quick)
     write_bytes_atomic(os.fspath(out), to_bytes(model))

@@ -33,14 +33,14 @@ def warn_of_starts(labelled: Sequence[LabelledImage]) -> None:
         )
 
 
-def warn_of_one_sided(names: Sequence[str]) -> None:
-    """Say which images are passed over, as their masks know one side only."""
-    from ffseg.io.files import printable
-    from ffseg.learning.gather import some_names
+def warn_of_passed_over(images: Sequence[str]) -> None:
+    """Say which images are not learned from, and why."""
+    from ffseg.learning.gather import MAX_NAMED
 
-    if names:
-        what = "the mask knows no pixel inside, or none outside: 255 is inside, 0 outside, 128 unknown"
-        console.message(f"ffseg: warning: passed over {some_names([printable(name) for name in names])}: {what}")
+    for image in images[:MAX_NAMED]:
+        console.message(f"ffseg: warning: passed over {image}")
+    if len(images) > MAX_NAMED:
+        console.message(f"ffseg: warning: passed over {len(images) - MAX_NAMED} more images")
 
 
 def warn_of_seen(labelled: Sequence[LabelledImage]) -> None:

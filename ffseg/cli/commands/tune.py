@@ -12,7 +12,7 @@ import typer
 
 from ffseg.cli import console, options
 from ffseg.cli.checks import number, output_file, ready_params
-from ffseg.cli.commands.telling import progress, warn_of_one_sided, warn_of_seen, warn_of_starts
+from ffseg.cli.commands.telling import progress, warn_of_passed_over, warn_of_seen, warn_of_starts
 from ffseg.errors import UsageError
 
 
@@ -59,7 +59,7 @@ def tune(  # noqa: PLR0913 - the options of the command
         what = f"method: {params.method} does not look at the edge map, which tune is for"
         raise UsageError(f"{what}; choose another method")
     found = gather(inputs, os.fspath(truth), params, options.starts_file(starts, params), truth_label)
-    warn_of_one_sided(found.one_sided)
+    warn_of_passed_over(found.passed_over)
     warn_of_starts(found.labelled)
     warn_of_seen(found.labelled)
     tuned = search(found.labelled, budget, progress(quiet=quiet))
