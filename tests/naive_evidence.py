@@ -59,10 +59,7 @@ def texture(lab: np.ndarray, sigma: float) -> np.ndarray:
     light = gx**2 + gy**2
     colour = sum(x**2 + y**2 for x, y in colours)
     tensor = eigenvalues(*(blur(product, 2 * sigma) for product in (gx * gx, gx * gy, gy * gy)))
-    (hxx, hxy), (_, hyy) = slopes(gx), slopes(gy)
-    return np.stack(
-        [*smooth, np.sqrt(light), np.sqrt(colour), np.sqrt(light + colour), *tensor, *eigenvalues(hxx, hxy, hyy)]
-    )
+    return np.stack([*smooth, np.sqrt(light), np.sqrt(colour), np.sqrt(light + colour), *tensor])
 
 
 def relative(lab: np.ndarray, inside: np.ndarray, floor: float) -> np.ndarray:

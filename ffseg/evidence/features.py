@@ -10,7 +10,6 @@ import numpy as np
 from ffseg.arrays import Floats, Image, Indices, Mask, Plane
 from ffseg.errors import SegmentationError
 from ffseg.evidence.maps import blurred
-from ffseg.evidence.openings import OPENING_FEATURES, open_areas
 from ffseg.image.appearance import TEXTURE, Appearance, of_blocks, reduced_shape
 from ffseg.native import _core
 
@@ -50,7 +49,7 @@ DEFAULT_FEATURES = (
     "likeness",
     *PLACE_FEATURES,
 )
-"""Names of the planes in their order, unless less or more is asked for."""
+"""Names of all planes in their order."""
 
 SHAPELESS_FEATURES = (
     *(f"{name}@{scale:g}" for scale in GEODESIC_SCALES for name in COLOUR_FEATURES),
@@ -60,9 +59,6 @@ SHAPELESS_FEATURES = (
 """Names of those that tell of no shapes, directions or places, nor of the coarsest scale, nor of ways at any but the finest.
 What is relative to the start is left to where it is needed (`write_relative`)."""
 
-ALL_FEATURES = (*DEFAULT_FEATURES, *OPENING_FEATURES)
-"""Names of all planes in their order."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Features:
@@ -71,7 +67,7 @@ class Features:
     Attributes
     ----------
     planes : dict of str to ndarray of float32, shape (h, w)
-        All finite, by ``ALL_FEATURES``, ``DEFAULT_FEATURES`` or ``SHAPELESS_FEATURES``.
+        All finite, by ``DEFAULT_FEATURES`` or ``SHAPELESS_FEATURES``.
     colours : dict of float to ndarray of float32, shape (3, h, w)
         The planes of L, a and b at each scale, by that.
     inside : ndarray of uint8, shape (h, w)
@@ -109,7 +105,7 @@ def features(
     start : ndarray of bool, shape (H, W)
         True in the start region: inside by definition.
     names : tuple of str
-        What to look for: ``DEFAULT_FEATURES``, less (``SHAPELESS_FEATURES``), or more (``ALL_FEATURES``).
+        What to look for: ``DEFAULT_FEATURES`` or less, ``SHAPELESS_FEATURES``.
     least : float
         Reduced pixels; a start of a smaller area than the disc of this radius is widened to about that disc.
 
@@ -130,8 +126,6 @@ def features(
     planes["likeness"] = _likeness(appearance, inside)
     if not plain:
         planes |= _places(inside)
-    if names == ALL_FEATURES:
-        planes |= zip(OPENING_FEATURES, open_areas(appearance.walls, inside), strict=True)
     colours = {scale: appearance.smoothed(scale) for scale in scales}
     return Features(planes, colours, inside, appearance.factor, appearance.image.shape[:2])
 

@@ -21,11 +21,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.arrays import Image, Mask, Plane
+from ffseg.arrays import Image, Plane
 from ffseg.errors import ImageReadError, ParameterError
-from ffseg.evidence.features import ALL_FEATURES, DEFAULT_FEATURES, Features, enlarged, features
+from ffseg.evidence.features import DEFAULT_FEATURES, Features, enlarged
 from ffseg.evidence.maps import probability
-from ffseg.evidence.openings import OPENING_FEATURES
 from ffseg.evidence.surroundings import STRIDE, voted, write_strided
 from ffseg.image.appearance import WORKING_SIZE, Appearance
 from ffseg.image.edges import ScoreCalibration
@@ -58,7 +57,6 @@ drawings or photographs each ask for on others of their sets (2.4 to 73, five of
 UNMEASURED = ScoreCalibration(1.0, MODEL_ODDS_RATIO)
 """What the overlap that such a model promises is worth."""
 
-OPENING_NAMES = frozenset(OPENING_FEATURES)
 REMEDY = "make it again with ffseg learn"
 
 
@@ -71,7 +69,7 @@ class Forest:
     arrays : dict of ndarray
         As ``ARRAYS`` names them; left is where a feature is at most the threshold.
     features : tuple of str
-        Names of the features that ``feature`` counts, of those in ``ALL_FEATURES``.
+        Names of the features that ``feature`` counts, of those in ``DEFAULT_FEATURES``.
     bias : float
         Added to the sum of the leaves; the logistic function of that is the probability of inside.
     """
@@ -145,11 +143,6 @@ class Model:
         """The image as the model expects it, with or without the correction of exposure."""
         return Appearance(image, self.size, self.exposed)
 
-    def look(self, image: Appearance, start: Mask) -> Features:
-        """The features that the model needs of an image and a start region (see `features`)."""
-        opened = not OPENING_NAMES.isdisjoint(self.inside.features)
-        return features(image, start, ALL_FEATURES if opened else DEFAULT_FEATURES)
-
     def map(self, seen: Features, prior: Plane | None = None) -> Plane:
         """Probability of inside for each pixel of the image, shape (H, W).
 
@@ -198,7 +191,7 @@ def _described(forest: Forest) -> dict[str, Any]:
     return {"features": forest.features, "bias": forest.bias, **counts}
 
 
-def load_model(path: str | os.PathLike[str], known: tuple[str, ...] = ALL_FEATURES) -> Model:
+def load_model(path: str | os.PathLike[str], known: tuple[str, ...] = DEFAULT_FEATURES) -> Model:
     """Read a model file; `known` are the features that its forests may ask for.
 
     Raises
@@ -230,7 +223,7 @@ def shipped(path: Path, known: tuple[str, ...]) -> Model:
     return load_model(path, known)
 
 
-def from_bytes(data: bytes, known: tuple[str, ...] = ALL_FEATURES) -> Model:
+def from_bytes(data: bytes, known: tuple[str, ...] = DEFAULT_FEATURES) -> Model:
     """The model in a file.
 
     Raises

@@ -13,7 +13,7 @@ import numpy as np
 from ffseg.arrays import Mask, Plane
 from ffseg.errors import ImageReadError, ParameterError, SegmentationError
 from ffseg.evidence.clicks import with_clicks
-from ffseg.evidence.features import reduced_mean, startless_planes
+from ffseg.evidence.features import features, reduced_mean, startless_planes
 from ffseg.evidence.forest import Model, load_model
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import LEVEL, at_level, certain_odds, evidence_edges, probability, strength_edges
@@ -117,7 +117,7 @@ def model_odds(model: Model, image: Appearance, start: Mask) -> Plane:
     ndarray of float32, shape (H, W)
         Probability of inside.
     """
-    seen = model.look(image, start)
+    seen = features(image, start)
     if not model.prior:
         return model.map(seen)
     alike = image.even and image.size == WORKING_SIZE

@@ -11,9 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.arrays import Image, Level, Plane
-from ffseg.image.edges import edge_map
 from ffseg.native import _core
-from ffseg.parameters import Edges
 
 WORKING_SIZE = 400
 """Pixels: longest side at which features are computed; larger images are first reduced by an integer factor."""
@@ -27,10 +25,8 @@ TEXTURE = (
     "slope",
     "tensor1",
     "tensor2",
-    "bend1",
-    "bend2",
 )
-"""Planes of one scale in the order of the native core: smoothed L, a, b, gradient sizes, structure tensor, Hessian."""
+"""Planes of one scale in the order of the native core: smoothed L, a, b, gradient sizes, structure tensor."""
 
 MEAN_LEVEL, MAX_GAIN, SAMPLE_STEP = 100.0, 4.0, 4
 """Mean grey level after the correction of exposure, the largest factor applied either way, and the sampling step in
@@ -82,13 +78,8 @@ class Appearance:
         _core.evidence_lab(self._shown, self.factor, planes)
         return planes
 
-    @cached_property
-    def walls(self) -> Image:
-        """1 where a reduced pixel holds an edge of the whole image, by the thresholds of the defaults, shape (h, w)."""
-        return np.minimum(of_blocks(np.maximum, edge_map(self._shown, Edges()).edges, self.factor), np.uint8(1))
-
     def texture(self, scale: float) -> Plane:
-        """``TEXTURE`` at a standard deviation of so many reduced pixels, shape (10, h, w)."""
+        """``TEXTURE`` at a standard deviation of so many reduced pixels, shape (8, h, w)."""
         if len(self._looks.get(scale, ())) < len(TEXTURE):
             self._looks[scale] = self._looked(_core.evidence_texture, scale, len(TEXTURE))
         return self._looks[scale]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ffseg.arrays import Floats, Image, Indices, Mask
 from ffseg.errors import UsageError
-from ffseg.evidence.features import ALL_FEATURES, DEFAULT_FEATURES, features, reduced_mean
+from ffseg.evidence.features import DEFAULT_FEATURES, features, reduced_mean
 from ffseg.evidence.prior import prior
 from ffseg.image.appearance import WORKING_SIZE, Appearance
 from ffseg.metrics import IGNORED, INSIDE, OUTSIDE
@@ -68,7 +68,7 @@ class Samples:
     Attributes
     ----------
     rows : ndarray of float32, shape (N, F)
-        Features in the order of ``ALL_FEATURES``.
+        Features in the order of ``DEFAULT_FEATURES``.
     inside : ndarray of bool, shape (N,)
     prior : ndarray of float32, shape (N,), or None
         Log odds that the prior gives; None where it was not asked.
@@ -95,11 +95,11 @@ def samples(example: Example) -> Samples:
     rng, image = np.random.default_rng(0), Appearance(example.image)
     rows, labels, odds = [], [], []
     for start in starts_in(example, rng):
-        seen = features(image, start, ALL_FEATURES)
+        seen = features(image, start)
         scribbled = np.count_nonzero(example.truth != IGNORED) < MIN_KNOWN * example.truth.size
         known = (known_of_some if scribbled else known_pixels)(example.truth, seen.factor)
         chosen = _chosen(known.ravel(), rng)
-        found = seen.of_pixels(ALL_FEATURES, chosen)
+        found = seen.of_pixels(DEFAULT_FEATURES, chosen)
         rows += [found, mirrored(found)]
         labels += [known.ravel()[chosen] > 0] * 2
         odds += [reduced_mean(prior(image, start), seen.factor).ravel()[chosen]] * 2

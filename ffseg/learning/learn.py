@@ -14,7 +14,7 @@ from ffseg.arrays import Mask, Plane
 from ffseg.batch.plan.sources import InputImage
 from ffseg.batch.workers.pictures import read_source
 from ffseg.errors import ImageReadError, SegmentationError, UsageError
-from ffseg.evidence.features import ALL_FEATURES, features
+from ffseg.evidence.features import features
 from ffseg.evidence.forest import MODEL_ODDS_RATIO, UNMEASURED, Model
 from ffseg.evidence.prior import prior
 from ffseg.evidence.source import model_odds, model_start
@@ -246,7 +246,7 @@ def _curve(labelled: Sequence[LabelledImage], chosen: Sequence[Samples]) -> tupl
         if one.start is None or not asked:
             continue
         image = Appearance(one.image)
-        seen, odds = features(image, one.start, ALL_FEATURES), prior(image, one.start)
+        seen, odds = features(image, one.start), prior(image, one.start)
         for number, model in asked:
             found[number].append(_contoured(one, one.params, model.map(seen, odds))[0])
     return tuple((number, round(mean(overlaps), 4)) for number, overlaps in found.items())

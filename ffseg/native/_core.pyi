@@ -74,7 +74,7 @@ def evidence_blur(plane: Annotated[NDArray[numpy.float32], dict(shape=(None, Non
 
 def evidence_texture(lab: Annotated[NDArray[numpy.float32], dict(shape=(None, None, None), order='C', device='cpu', writable=False)], sigma: float, out: Annotated[NDArray[numpy.float32], dict(shape=(None, None, None), order='C', device='cpu')]) -> None:
     """
-    L, a, b smoothed; gradient of L, of a and b, of all; eigenvalues of structure tensor and Hessian of L.
+    L, a, b smoothed; gradient of L, of a and b, of all; eigenvalues of the structure tensor of L.
     """
 
 def evidence_colour(lab: Annotated[NDArray[numpy.float32], dict(shape=(None, None, None), order='C', device='cpu', writable=False)], sigma: float, out: Annotated[NDArray[numpy.float32], dict(shape=(None, None, None), order='C', device='cpu')]) -> None:

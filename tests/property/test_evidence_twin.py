@@ -132,7 +132,7 @@ def test_texture_is_that_of_the_twin(drawn: tuple[np.ndarray, np.ndarray], sigma
     found = made(twin.shape, _core.evidence_texture, lab, sigma)
     # single precision: values up to 100, squares of slopes up to 2500 before they are smoothed, roots of their
     # rounding errors where they cancel
-    np.testing.assert_allclose(found[[0, 1, 2, 8, 9]], twin[[0, 1, 2, 8, 9]], rtol=0, atol=1e-3)
+    np.testing.assert_allclose(found[:3], twin[:3], rtol=0, atol=1e-3)
     np.testing.assert_allclose(found[3:6], twin[3:6], rtol=1e-4, atol=1e-3)
     np.testing.assert_allclose(found[6:8], twin[6:8], rtol=1e-4, atol=2e-3)
 
@@ -141,7 +141,7 @@ def test_texture_is_that_of_the_twin(drawn: tuple[np.ndarray, np.ndarray], sigma
 @settings(max_examples=40)
 def test_colour_is_the_texture_that_does_not_tell_of_shapes(drawn: tuple[np.ndarray, np.ndarray], sigma: float) -> None:
     lab, _ = drawn
-    whole = made((10, *lab.shape[1:]), _core.evidence_texture, lab, sigma)
+    whole = made((8, *lab.shape[1:]), _core.evidence_texture, lab, sigma)
     np.testing.assert_array_equal(made((4, *lab.shape[1:]), _core.evidence_colour, lab, sigma), whole[[0, 1, 2, 5]])
 
 

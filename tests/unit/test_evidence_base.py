@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from ffseg.evidence.base import base, enough_of, joined, odds_of
-from ffseg.evidence.features import ALL_FEATURES, features
+from ffseg.evidence.features import DEFAULT_FEATURES, features
 from ffseg.evidence.forest import MAGIC, Model, from_bytes, to_bytes
-from ffseg.evidence.openings import OPENING_FEATURES
 from ffseg.image.appearance import Appearance, normalised_exposure
 from ffseg.learning.examples import Samples, samples
-from ffseg.learning.training import FOREST_FEATURES, _left_out_overlap, choose_base, grow, learn
+from ffseg.learning.training import TREES, _left_out_overlap, choose_base, grow, learn
 from ffseg.metrics import iou
 from tests.stumps import probabilities, stump
 from tests.unit.test_evidence_learning import example, predicted
@@ -23,23 +22,22 @@ def halves(share: float) -> tuple[np.ndarray, np.ndarray]:
 
 def test_rows_get_the_odds_that_planes_get() -> None:
     one = example(1)
-    seen = features(Appearance(one.image), one.start, ALL_FEATURES)
-    rows = seen.of_pixels(ALL_FEATURES, np.arange(1501))
+    seen = features(Appearance(one.image), one.start)
+    rows = seen.of_pixels(DEFAULT_FEATURES, np.arange(1501))
     probability = probabilities(base(), seen).ravel()[:1501]
     # the same sums; only the logarithm of a rounded probability differs
     np.testing.assert_allclose(1 / (1 + np.exp(-odds_of(base(), rows))), probability, atol=1e-6)
 
 
-def test_the_base_sees_no_place_and_no_open_ground() -> None:
+def test_the_base_sees_no_place() -> None:
     assert {"x", "y", "across", "along"}.isdisjoint(base().features)
-    assert set(OPENING_FEATURES).isdisjoint(base().features)
 
 
 def test_joined_forests_add_their_odds() -> None:
-    one, other = stump("light@0.7", 50.0), stump("y", 0.5, names=FOREST_FEATURES)
-    rows = np.zeros((4, len(ALL_FEATURES)), np.float32)
-    rows[:, ALL_FEATURES.index("light@0.7")] = [0, 100, 0, 100]
-    rows[:, ALL_FEATURES.index("y")] = [0, 0, 1, 1]
+    one, other = stump("light@0.7", 50.0), stump("y", 0.5)
+    rows = np.zeros((4, len(DEFAULT_FEATURES)), np.float32)
+    rows[:, DEFAULT_FEATURES.index("light@0.7")] = [0, 100, 0, 100]
+    rows[:, DEFAULT_FEATURES.index("y")] = [0, 0, 1, 1]
     assert odds_of(joined(one, other), rows).tolist() == [-3.5, 0.5, 0.5, 4.5]
     assert odds_of(joined(joined(one, other), other), rows).tolist() == [-5.25, -1.25, 2.75, 6.75]
 
@@ -47,7 +45,7 @@ def test_joined_forests_add_their_odds() -> None:
 @pytest.mark.parametrize(("count", "share", "ok"), [(1, 0.7, False), (1, 0.8, True), (5, 0.55, False), (5, 0.65, True)])
 def test_few_masks_must_show_more(count: int, share: float, ok: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     odds, inside = zip(*(halves(share) for _ in range(count)), strict=True)
-    chosen = [Samples(np.zeros((len(one), len(ALL_FEATURES)), np.float32), one) for one in inside]
+    chosen = [Samples(np.zeros((len(one), len(DEFAULT_FEATURES)), np.float32), one) for one in inside]
     monkeypatch.setattr("ffseg.learning.training._left_out_overlap", lambda _: 1.0)
     found = choose_base(chosen, odds)
     assert found.corrected is (ok or count == 1)  # one mask is too little to begin with
@@ -69,7 +67,7 @@ def test_masks_correct_a_base_that_serves_them(monkeypatch: pytest.MonkeyPatch) 
     assert iou(predicted(model, example(3)) > 0.5, example(3).truth) > 0.9
     monkeypatch.setattr("ffseg.learning.training.enough_of", lambda _: 2.0)
     monkeypatch.setattr("ffseg.learning.training._left_out_overlap", lambda _: 1.0)
-    assert learn(chosen, searched=False).inside.features == FOREST_FEATURES
+    assert len(learn(chosen, searched=False).inside.arrays["root"]) == TREES
 
 
 def test_masks_teach_each_other_unless_they_contradict() -> None:
@@ -85,8 +83,7 @@ def test_a_base_is_mended_by_better_masks(taught: float, corrected: bool, monkey
     monkeypatch.setattr("ffseg.learning.training.enough_of", lambda _: 2.0)
     monkeypatch.setattr("ffseg.learning.training._left_out_overlap", lambda _: taught)
     model = learn([samples(example(seed)) for seed in (1, 2)], searched=False)
-    assert (model.inside.features == ALL_FEATURES) is corrected
-    assert (model.inside.features == FOREST_FEATURES) is not corrected
+    assert (len(model.inside.arrays["root"]) > len(base().arrays["root"])) is corrected
     told = from_bytes(to_bytes(model)).about["base"]
     assert (told["corrected"], told["enough"], told["taught"]) == (corrected, 2.0, taught)
     assert 0 < told["base"] < 1
@@ -100,7 +97,7 @@ def test_a_model_remembers_how_it_looks_at_images() -> None:
     assert b"exposed" not in to_bytes(plain)[: len(MAGIC) + 200]
     dark = (one.image // 4).astype(np.uint8)
     seen, even, as_it_is = (
-        model.look(model.appearance(image), one.start)["light@1.5"]
+        features(model.appearance(image), one.start)["light@1.5"]
         for model, image in ((told, dark), (plain, normalised_exposure(dark)), (plain, dark))
     )
     np.testing.assert_array_equal(seen, even)
@@ -113,7 +110,7 @@ def test_neighbours_outvote_specks_but_not_across_edges() -> None:
     image[39:42, 29:32] = 96  # a speck
     start = np.hypot(rows - 20, columns - 20) < 6
     model = Model(stump("light@0.7", 39.0))
-    seen = model.look(model.appearance(image), start)
+    seen = features(model.appearance(image), start)
     assert probabilities(model.inside, seen)[40, 30] > 0.5  # what the forest itself says of the speck
     found = model.map(seen) > 0.5
     assert not found[:, :58].any()

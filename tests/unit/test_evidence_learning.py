@@ -8,9 +8,8 @@ import pytest
 
 from ffseg.errors import UsageError
 from ffseg.evidence.base import base, mean_overlap
-from ffseg.evidence.features import ALL_FEATURES, features
+from ffseg.evidence.features import DEFAULT_FEATURES, features
 from ffseg.evidence.forest import Model
-from ffseg.evidence.openings import OPENING_FEATURES
 from ffseg.evidence.source import model_odds
 from ffseg.image.appearance import Appearance
 from ffseg.learning import training
@@ -29,16 +28,12 @@ from ffseg.learning.examples import (
 from ffseg.learning.learn import uncertainty
 from ffseg.learning.training import (
     CORRECTION_FRACTION,
-    FOREST_FEATURES,
+    PRIOR_WEIGHT,
     STARTLESS_FEATURES,
-    TREE_FRACTION,
     TREES,
-    TRUSTED_FEATURE,
-    TRUSTED_LOG_ODDS,
     converted,
     grow,
     learn,
-    trusting,
 )
 from ffseg.metrics import iou
 from tests.discs import disc_of
@@ -111,9 +106,9 @@ def test_converted_trees_say_what_lightgbm_says() -> None:
     data = lightgbm.Dataset(one.rows, one.inside.astype(np.float32))
     settings = {"objective": "binary", "num_leaves": 31, "verbose": -1, "use_missing": False, "num_threads": 1}
     booster = lightgbm.train(settings, data, 20)
-    forest = converted(booster.dump_model()["tree_info"], ALL_FEATURES)
-    seen = features(Appearance(example(2).image), example(2).start, ALL_FEATURES)
-    wanted = booster.predict(seen.of_pixels(ALL_FEATURES, np.arange(example(2).truth.size)))
+    forest = converted(booster.dump_model()["tree_info"], DEFAULT_FEATURES)
+    seen = features(Appearance(example(2).image), example(2).start)
+    wanted = booster.predict(seen.of_pixels(DEFAULT_FEATURES, np.arange(example(2).truth.size)))
     np.testing.assert_allclose(probabilities(forest, seen).ravel(), wanted, atol=2e-6)  # 20 leaves in single precision
 
 
@@ -126,7 +121,7 @@ def test_the_same_masks_give_the_same_forest() -> None:
 
 def test_samples_are_known_pixels_seen_twice() -> None:
     one = samples(example(1))
-    assert one.rows.shape == (2 * PIXELS, len(ALL_FEATURES))
+    assert one.rows.shape == (2 * PIXELS, len(DEFAULT_FEATURES))
     assert 0.02 < one.inside.mean() < 0.5
     half = PIXELS // 5
     np.testing.assert_array_equal(mirrored(one.rows[:half]), one.rows[half : 2 * half])
@@ -177,50 +172,23 @@ def test_uncertainty_is_higher_on_what_was_never_seen_and_hears_the_prior() -> N
     assert uncertainty(sure, image, one.start) < uncertainty(replace(model, prior=0.0), image, one.start)
 
 
-def test_trusting_adds_to_open_ground_and_takes_elsewhere() -> None:
-    forest, one = grow([samples(example(seed)) for seed in (1, 2)], trees=10), example(3)
-    seen = features(Appearance(one.image), one.start, ALL_FEATURES)
-    plain, more = probabilities(forest, seen), probabilities(trusting(forest, 2.0), seen)
-    odds = np.log(more / (1 - more)) - np.log(plain / (1 - plain))
-    open_here = seen[TRUSTED_FEATURE] > 0.5
-    assert 0 < open_here.mean() < 1
-    np.testing.assert_allclose(odds, np.where(open_here, 2, -2), atol=1e-3)
-
-
-def test_a_forest_is_the_mean_of_two_of_which_one_sees_no_open_ground() -> None:
-    chosen = [samples(example(seed)) for seed in (1, 2)]
-    forest = grow(chosen, trees=10)
-    first = int(forest.arrays["root"][7])
-    asked = {forest.features[index] for index in forest.arrays["feature"][:first]}
-    assert len(forest.arrays["root"]) == 14
-    assert asked
-    assert asked.isdisjoint(OPENING_FEATURES)
-    assert not set(OPENING_FEATURES).isdisjoint(forest.features)
-    alone = grow(chosen, tuple(name for name in FOREST_FEATURES if name not in OPENING_FEATURES), trees=10)
-    assert set(OPENING_FEATURES).isdisjoint(alone.features)
-    assert len(alone.arrays["root"]) == 10
-
-
-@pytest.mark.parametrize(("enough", "trees"), [(0.0, round(CORRECTION_FRACTION * TREES)), (2.0, TREES)])
-def test_one_mask_mends_the_base_and_trusts_ground(enough: float, trees: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ffseg.learning.training.enough_of", lambda _: enough)
+def test_one_mask_corrects_the_base() -> None:
     one = learn([samples(example(1))], searched=False)
-    assert one.inside.features[one.inside.arrays["feature"][-1]] == TRUSTED_FEATURE
-    assert one.inside.arrays["value"][-2:].tolist() == [-TRUSTED_LOG_ODDS, TRUSTED_LOG_ODDS]
-    assert len(one.inside.arrays["root"]) == len(base().arrays["root"]) + 2 * round(TREE_FRACTION * trees) + 1
+    trees = len(base().arrays["root"]) + round(CORRECTION_FRACTION * TREES)
+    assert (len(one.inside.arrays["root"]), one.prior) == (trees, PRIOR_WEIGHT)
     assert iou(predicted(one, example(2)) > 0.5, example(2).truth) > 0.8
 
 
 def test_of_many_masks_ten_parts_are_left_out_of_as_many_pixels(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each was left out alone, in each part that is left out to measure: time went with the square of their number."""
     chosen, grown_from = tuple(samples(example(seed)) for seed in range(12)), []
-    plain = training._binned
+    plain = training.grow
 
-    def counted(some: Sequence[Samples], *others: object) -> object:
+    def counted(some: Sequence[Samples], **others: object) -> object:
         grown_from.append((len(some), sum(len(one.inside) for one in some)))
-        return plain(some, *others)
+        return plain(some, **others)
 
-    monkeypatch.setattr(training, "_binned", counted)
+    monkeypatch.setattr(training, "grow", counted)
     odds = training._left_out_odds(chosen, corrected=False)
     assert [count for count, _ in grown_from] == [10] * 2 + [11] * 8
     assert [len(one) for one in odds] == [len(one.inside[:: 2 * training.SUBSAMPLING]) for one in chosen]

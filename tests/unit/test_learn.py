@@ -120,7 +120,7 @@ def test_the_verdict_comes_first_and_no_figure_has_two_meanings() -> None:
     assert not any("do without" in line for line in one)
     curve, base = ((1, 0.7), (2, 0.755), (3, 0.763)), BaseChoice(True, 0.81, 0.64, None)
     worse = sentences(
-        CrossValidation(4, 0.155, 0.1, 0.61, 0.1, False, curve, 3, "b.png", base, PriorChoice(True, 0.7, 0.6, None)),
+        CrossValidation(4, 0.155, 0.1, 0.61, 0.1, False, curve, 3, "b.png", base, PriorChoice(True, 0.7, 0.6, 0.65)),
         "a.ffmodel",
     )
     verdict = "worse than no model: IoU on images left out 0.155 (spread 0.100), without it 0.610 (spread 0.100)"

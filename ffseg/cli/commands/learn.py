@@ -133,18 +133,13 @@ def base_sentence(base: BaseChoice) -> str:
     shipped = "the forest that comes with ffseg"
     how = f"corrects {shipped}" if base.corrected else f"grown from the masks alone, without {shipped}"
     why = f"{base.enough:.2f} is enough" if base.base >= base.enough else "one mask is too little to begin with"
-    return _shared(how, base.base, base.taught, why)
+    because = why if base.taught is None else f"they teach each other {base.taught:.2f}"
+    return f"{how}, which shares {base.base:.2f} of the masks' pixels by itself ({because})"
 
 
 def prior_sentence(prior: PriorChoice) -> str:
     """Whether the model asks the prior too, and why."""
     how = "asks the prior that comes with ffseg too" if prior.asked else "does not ask the prior that comes with ffseg"
-    if prior.enough is None:
-        return f"{how}: the masks teach each other {prior.taught:.2f}, {prior.both:.2f} with it"
-    return _shared(how, prior.prior, None, f"{prior.enough:.2f} is {'enough' if prior.asked else 'wanted'}")
-
-
-def _shared(how: str, own: float, taught: float | None, why: str) -> str:
-    """What is made of a forest that comes with ffseg, how much it knows of the masks, and why that decides."""
-    because = why if taught is None else f"they teach each other {taught:.2f}"
-    return f"{how}, which shares {own:.2f} of the masks' pixels by itself ({because})"
+    if prior.taught is None:
+        return f"{how}: one mask is too little without it"
+    return f"{how}: the masks teach each other {prior.taught:.2f}, {prior.both:.2f} with it"

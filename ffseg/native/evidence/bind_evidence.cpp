@@ -219,7 +219,7 @@ void bind_evidence(nb::module_& m) {
           "Exponentials of values, no more than 87 either way, the same on every processor.");
     m.def("evidence_blur", &py_blur, "plane"_a, "sigma"_a, "out"_a, "Gaussian smoothing; outside, the border repeats.");
     m.def("evidence_texture", &py_look<evidence::texture, evidence::kTexturePlanes>, "lab"_a, "sigma"_a, "out"_a,
-          "L, a, b smoothed; gradient of L, of a and b, of all; eigenvalues of structure tensor and Hessian of L.");
+          "L, a, b smoothed; gradient of L, of a and b, of all; eigenvalues of the structure tensor of L.");
     m.def("evidence_colour", &py_look<evidence::colour, evidence::kColourPlanes>, "lab"_a, "sigma"_a, "out"_a,
           "L, a, b smoothed; gradient of all.");
     m.def("evidence_relative", &py_relative, "lab"_a, "inside"_a, "floor"_a, "some"_a, "out"_a,

@@ -139,18 +139,15 @@ void smooth(const float* lab, Size size, double sigma, float* out, float* light,
 void texture(const float* lab, Size size, double sigma, float* out) {
     const std::size_t count = size.count();
     const auto plane = [&](int index) { return out + static_cast<std::size_t>(index) * count; };
-    Plane gx, gy, hxx, hxy, unused, hyy;
+    Plane gx, gy, xx(count), xy(count), yy(count);
     smooth(lab, size, sigma, out, plane(3), plane(4));
     slopes(out, size, gx, gy);
     sizes(plane(3), plane(4), plane(5), count);
-    slopes(gx.data(), size, hxx, hxy);
-    slopes(gy.data(), size, unused, hyy);
-    eigenvalues(hxx.data(), hxy.data(), hyy.data(), plane(8), plane(9), count);
-    products(gx.data(), gx.data(), hxx.data(), count);
-    products(gx.data(), gy.data(), hxy.data(), count);
-    products(gy.data(), gy.data(), hyy.data(), count);
-    for (Plane* one : {&hxx, &hxy, &hyy}) blur(one->data(), size, 2 * sigma, one->data());
-    eigenvalues(hxx.data(), hxy.data(), hyy.data(), plane(6), plane(7), count);
+    products(gx.data(), gx.data(), xx.data(), count);
+    products(gx.data(), gy.data(), xy.data(), count);
+    products(gy.data(), gy.data(), yy.data(), count);
+    for (Plane* one : {&xx, &xy, &yy}) blur(one->data(), size, 2 * sigma, one->data());
+    eigenvalues(xx.data(), xy.data(), yy.data(), plane(6), plane(7), count);
 }
 
 void colour(const float* lab, Size size, double sigma, float* out) {

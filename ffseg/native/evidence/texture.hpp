@@ -5,9 +5,9 @@
 namespace ffseg::evidence {
 
 // The planes of one scale, one after the other: L, a, b smoothed; size of the gradient of L, of a and b together, and
-// of all three; eigenvalues of the structure tensor of L (smoothed by twice the scale), the larger first; eigenvalues
-// of the Hessian of L, the larger first. Slopes are 3x3 Sobel sums over 8; outside, the border repeats.
-constexpr int kTexturePlanes = 10;
+// of all three; eigenvalues of the structure tensor of L (smoothed by twice the scale), the larger first. Slopes are
+// 3x3 Sobel sums over 8; outside, the border repeats.
+constexpr int kTexturePlanes = 8;
 
 void texture(const float* lab, Size size, double sigma, float* out);
 
