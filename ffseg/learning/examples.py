@@ -114,8 +114,10 @@ def samples(example: Example) -> Samples:
     return Samples(np.concatenate(rows), inside, np.concatenate(odds))
 
 
-def unknown_side(side: str) -> str:
-    """What to say of a mask that knows no pixel inside, or none outside."""
+def unknown_side(side: str, label: int | None = None) -> str:
+    """What to say of a mask that knows no pixel inside, or none outside; `label` is the class that was taken for inside."""
+    if label is not None:
+        return f"the mask knows no pixel {side}, where --truth-label {label} is inside; name another class"
     return f"the mask knows no pixel {side}: 255 is inside, 0 outside, 128 unknown; draw some of both"
 
 

@@ -143,8 +143,7 @@ def _read(
         begun = start_region(image.shape[:2], params, masks.start)
         lacking = [side for side, level in SIDES.items() if not (levels == level).any()]
         if lacking:
-            classes = "" if label is None else f"; class {label} is inside here (--truth-label)"
-            raise SegmentationError(unknown_side(lacking[0]) + classes)
+            raise SegmentationError(unknown_side(lacking[0], label))
     except (ImageReadError, SegmentationError) as error:
         raise UsageError(f"{printable(source.name)}: {error}") from error
     return LabelledImage(

@@ -10,7 +10,8 @@ import threading
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, suppress
 
-from ffseg.errors import FfsegError, ImageReadError
+from ffseg.errors import FfsegError, ImageReadError, ParameterError
+from ffseg.evidence.source import ready
 from ffseg.io.files import read_bytes, write_bytes_atomic
 from ffseg.io.tables import counted
 from ffseg.picking.project import LEARNED, MAX_BYTES, MODEL, RUN, Project
@@ -157,6 +158,7 @@ class Work:
     def _known(self) -> bool:
         """Take up what an earlier session has learned from these masks; whether there is any."""
         self._of = self.project.learned_from()
+        self._drop_unusable()
         try:
             kept = json.loads(read_bytes(self.project.path(LEARNED), MAX_BYTES))
             if kept["of"] != self._of:
@@ -170,6 +172,14 @@ class Work:
         if not measured:
             self._start(measuring=True)
         return True
+
+    def _drop_unusable(self) -> None:
+        """Take away a model that cannot be asked: of another version of ffseg, or damaged."""
+        try:
+            if self.project.model:
+                ready(self.project.model)
+        except ParameterError:
+            self._use(learned=False)
 
     def _say(self, figures: str) -> tuple[bool, bool]:
         self.line, self.order, of_use = learn_summary(figures)

@@ -109,7 +109,7 @@ WRONG = {
     "a photograph for a page": ([*TUNE, "a.yaml", "--page", "a.png"], "name it .html"),
     "nan seconds to tune": ([*TUNE, "a.yaml", "--budget", "nan"], "nan is not a number"),
     "nan megabytes to embed": (["report", "there", "--embed", "nan"], "nan is not a number"),
-    "a class in no mask": ([*TUNE, "a.yaml", "--truth-label", "7"], "--truth-label 7 is in none"),
+    "a class in no mask": ([*TUNE, "a.yaml", "--truth-label", "7"], "no pixel inside, where --truth-label 7 is inside"),
     "no images to show": (["report", "there", "--images", "gone"], "--images: there is no file or folder gone"),
     "a long name for a run": ([*RUN, LONG], "(File name too long); name another folder"),
     "a long name for samples": (["samples", LONG, "--pairs", "0"], "(File name too long); name another folder"),

@@ -26,6 +26,7 @@ from pick_page import LEFT, OPEN, RIGHT, SIZE, ask, disc, draw, mask_of, picked,
 
 import ffseg
 from ffseg.errors import OutputError, UsageError
+from ffseg.evidence.forest import Model, to_bytes
 from ffseg.io.files import temporary_path
 from ffseg.io.labels import read_labels
 from ffseg.io.masks import encode_mask
@@ -41,8 +42,10 @@ from ffseg.picking.server import Server
 from ffseg.picking.session import Session, StaleError, settings_of
 from tests.discs import overlap
 from tests.masks import write_image
+from tests.stumps import stump
 
 Started = list[list[str]]
+A_MODEL = to_bytes(Model(stump("likeness", 0.0)))
 POINT = st.tuples(st.floats(-5, 30), st.floats(-5, 25))
 
 
@@ -676,13 +679,13 @@ def test_what_was_learned_is_used_where_it_helps_and_orders_the_images(tmp_path:
         assert started[0][:2] == ["learn", str(folder)]
         assert own.following(0, 0) == 1, "the next in the folder"
         new = Path(started[0][started[0].index("--out") + 1])
-        new.write_bytes(b"model")
+        new.write_bytes(A_MODEL)
         assert "--quick" in started[0], "a model first, figures afterwards"
         work._learned(0, json.dumps(FIGURES | {"iou": None, "without": None, "curve": []}), "")
         assert own.news(0, 0)["lines"][1] == "learned from 3 masks, now measured on each left out"
         assert own.projects[0].params.edges.model == str(out / "model.ffmodel"), "it need not be measured to be used"
         assert started[1:] == [[word for word in started[0] if word != "--quick"]]
-        new.write_bytes(b"model")
+        new.write_bytes(A_MODEL)
         work._learned(0, json.dumps(FIGURES), "")
         assert len(started) == 2
         assert own.news(0, 0)["lines"][1] == "3 masks: .88 expected on the rest; one more may raise it by about .04"
@@ -690,11 +693,11 @@ def test_what_was_learned_is_used_where_it_helps_and_orders_the_images(tmp_path:
         assert (own.following(0, 2), own.following(0, 1)) == (1, 2), "the next in line, and round"
         assert own.projects[0].params.edges.model == str(out / "model.ffmodel")
         assert f"model: {out}/model.ffmodel" in (out / "pick.yaml").read_text()
-        new.write_bytes(b"model")
+        new.write_bytes(A_MODEL)
         work._learned(0, json.dumps(FIGURES | {"iou": 0.5}), "")
         assert "it is not used" in own.news(0, 0)["lines"][1]
         assert own.projects[0].params.edges.model is None
-        (out / "learning.ffmodel").write_bytes(b"model")
+        (out / "learning.ffmodel").write_bytes(A_MODEL)
         work._learned(0, json.dumps(FIGURES), "")
     with session(folder, out) as own:
         assert own.news(0, 0)["lines"][1] == "3 masks: .88 expected on the rest; one more may raise it by about .04"
@@ -728,7 +731,7 @@ def test_what_is_being_learned_when_the_program_is_killed_is_learned_anew(tmp_pa
     folder, out = draw(tmp_path / "in", ["a.png", "b.png", "c.png"]), tmp_path / "out"
     with session(folder, out) as own:
         accept(own, 0, 1)
-        (out / "learning.ffmodel").write_bytes(b"of two masks")
+        (out / "learning.ffmodel").write_bytes(A_MODEL)
         own._work[0]._learned(0, json.dumps(FIGURES | {"iou": None}), "")
         assert len(started) == 2, "it is measured"
     with session(folder, out) as own:
@@ -739,6 +742,20 @@ def test_what_is_being_learned_when_the_program_is_killed_is_learned_anew(tmp_pa
     with session(folder, out) as own:
         assert own.news(0, 0)["lines"][1] == "learning from 3 masks"
         assert ("--quick" in started[4], len(started)) == (True, 5)
+
+
+def test_a_model_that_cannot_be_asked_is_learned_anew(tmp_path: Path, started: Started) -> None:
+    """One of another version: no image could be looked at until another one was accepted."""
+    folder, out = draw(tmp_path / "in", ["a.png", "b.png", "c.png"]), tmp_path / "out"
+    with session(folder, out) as own:
+        accept(own, 0, 1)
+        (out / "learning.ffmodel").write_bytes(A_MODEL)
+        own._work[0]._learned(0, json.dumps(FIGURES), "")
+    before = len(started)
+    (out / "model.ffmodel").write_bytes(A_MODEL.replace(b'"likeness"', b'"unlikely"'))
+    with session(folder, out) as own:
+        assert own.projects[0].params.edges.model is None
+        assert (own.news(0, 0)["lines"][1], len(started)) == ("learning from 2 masks", before + 1)
 
 
 def test_who_asks_for_a_region_that_is_being_found_waits_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
