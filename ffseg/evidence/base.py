@@ -10,7 +10,7 @@ from statistics import mean
 import numpy as np
 
 from ffseg.arrays import Floats, Mask
-from ffseg.evidence.features import DEFAULT_FEATURES
+from ffseg.evidence.features import ALL_FEATURES
 from ffseg.evidence.forest import ARRAYS, Forest, shipped
 
 BASE = Path(__file__).with_name("base.ffmodel")
@@ -28,7 +28,7 @@ ROW_PIXELS = 1000
 
 def base() -> Forest:
     """The forest, read once."""
-    return shipped(BASE, DEFAULT_FEATURES).inside
+    return shipped(BASE, ALL_FEATURES).inside
 
 
 def odds_of(forest: Forest, rows: Floats) -> Floats:
@@ -37,14 +37,14 @@ def odds_of(forest: Forest, rows: Floats) -> Floats:
     Parameters
     ----------
     rows : ndarray of float32, shape (N, F)
-        Features in the order of ``DEFAULT_FEATURES``.
+        Features in the order of ``ALL_FEATURES``.
 
     Returns
     -------
     ndarray of float32, shape (N,)
     """
     padded = np.zeros((len(forest.features), -(-len(rows) // ROW_PIXELS) * ROW_PIXELS), np.float32)
-    padded[:, : len(rows)] = rows[:, [DEFAULT_FEATURES.index(name) for name in forest.features]].T
+    padded[:, : len(rows)] = rows[:, [ALL_FEATURES.index(name) for name in forest.features]].T
     found: Floats = forest.log_odds(padded.reshape(len(padded), -1, ROW_PIXELS)).ravel()[: len(rows)]
     return found
 
@@ -67,7 +67,7 @@ def mean_overlap(odds: Sequence[Floats], inside: Sequence[Mask]) -> float:
 def joined(one: Forest, other: Forest) -> Forest:
     """The forest whose log odds are the sum of those of two."""
     nodes, leaves = len(one.arrays["feature"]), len(one.arrays["value"])
-    places = {name: np.asarray([DEFAULT_FEATURES.index(it) for it in forest.features])[forest.arrays["feature"]]
+    places = {name: np.asarray([ALL_FEATURES.index(it) for it in forest.features])[forest.arrays["feature"]]
               for name, forest in (("one", one), ("other", other))}  # fmt: skip
     added = dict(other.arrays)
     for side in ("left", "right"):
@@ -77,4 +77,4 @@ def joined(one: Forest, other: Forest) -> Forest:
     added["root"] = np.where(root < 0, root - leaves, root + nodes)
     arrays = {name: np.append(one.arrays[name], added[name]).astype(kind[1:]) for name, kind, _ in ARRAYS}
     arrays["feature"] = np.append(places["one"], places["other"]).astype(np.int32)
-    return replace(one, arrays=arrays, features=DEFAULT_FEATURES, bias=one.bias + other.bias)
+    return replace(one, arrays=arrays, features=ALL_FEATURES, bias=one.bias + other.bias)

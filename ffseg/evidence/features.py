@@ -42,7 +42,7 @@ GEODESIC_SCALE, GEODESIC_STEP, MIN_COST = 1.5, 0.1, 1
 length counts a little."""
 
 
-DEFAULT_FEATURES = (
+ALL_FEATURES = (
     *(f"{name}@{scale:g}" for scale in SCALES for name in (*TEXTURE, *RELATIVE_FEATURES)),
     *(f"{name}@{scale:g}" for scale in GEODESIC_SCALES for name in BARRIER_FEATURES),
     "way",
@@ -67,7 +67,7 @@ class Features:
     Attributes
     ----------
     planes : dict of str to ndarray of float32, shape (h, w)
-        All finite, by ``DEFAULT_FEATURES`` or ``SHAPELESS_FEATURES``.
+        All finite, by ``ALL_FEATURES`` or ``SHAPELESS_FEATURES``.
     colours : dict of float to ndarray of float32, shape (3, h, w)
         The planes of L, a and b at each scale, by that.
     inside : ndarray of uint8, shape (h, w)
@@ -94,7 +94,7 @@ class Features:
 
 
 def features(
-    appearance: Appearance, start: Mask, names: tuple[str, ...] = DEFAULT_FEATURES, least: float = 0.0
+    appearance: Appearance, start: Mask, names: tuple[str, ...] = ALL_FEATURES, least: float = 0.0
 ) -> Features:
     """Features of an image and its start region.
 
@@ -105,7 +105,7 @@ def features(
     start : ndarray of bool, shape (H, W)
         True in the start region: inside by definition.
     names : tuple of str
-        What to look for: ``DEFAULT_FEATURES`` or less, ``SHAPELESS_FEATURES``.
+        What to look for: ``ALL_FEATURES`` or less, ``SHAPELESS_FEATURES``.
     least : float
         Reduced pixels; a start of a smaller area than the disc of this radius is widened to about that disc.
 

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from ffseg.arrays import Image, Plane
 from ffseg.errors import ImageReadError, ParameterError
-from ffseg.evidence.features import DEFAULT_FEATURES, Features, enlarged
+from ffseg.evidence.features import ALL_FEATURES, Features, enlarged
 from ffseg.evidence.maps import probability
 from ffseg.evidence.surroundings import STRIDE, voted, write_strided
 from ffseg.image.appearance import WORKING_SIZE, Appearance
@@ -69,13 +69,13 @@ class Forest:
     arrays : dict of ndarray
         As ``ARRAYS`` names them; left is where a feature is at most the threshold.
     features : tuple of str
-        Names of the features that ``feature`` counts, of those in ``DEFAULT_FEATURES``.
+        Names of the features that ``feature`` counts, of those in ``ALL_FEATURES``.
     bias : float
         Added to the sum of the leaves; the logistic function of that is the probability of inside.
     """
 
     arrays: dict[str, NDArray[Any]]
-    features: tuple[str, ...] = DEFAULT_FEATURES
+    features: tuple[str, ...] = ALL_FEATURES
     bias: float = 0.0
 
     @cached_property
@@ -191,7 +191,7 @@ def _described(forest: Forest) -> dict[str, Any]:
     return {"features": forest.features, "bias": forest.bias, **counts}
 
 
-def load_model(path: str | os.PathLike[str], known: tuple[str, ...] = DEFAULT_FEATURES) -> Model:
+def load_model(path: str | os.PathLike[str], known: tuple[str, ...] = ALL_FEATURES) -> Model:
     """Read a model file; `known` are the features that its forests may ask for.
 
     Raises
@@ -223,7 +223,7 @@ def shipped(path: Path, known: tuple[str, ...]) -> Model:
     return load_model(path, known)
 
 
-def from_bytes(data: bytes, known: tuple[str, ...] = DEFAULT_FEATURES) -> Model:
+def from_bytes(data: bytes, known: tuple[str, ...] = ALL_FEATURES) -> Model:
     """The model in a file.
 
     Raises

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ffseg.arrays import Floats, Image, Indices, Mask
 from ffseg.errors import UsageError
-from ffseg.evidence.features import DEFAULT_FEATURES, features, reduced_mean
+from ffseg.evidence.features import ALL_FEATURES, features, reduced_mean
 from ffseg.evidence.prior import prior
 from ffseg.image.appearance import WORKING_SIZE, Appearance
 from ffseg.metrics import IGNORED, INSIDE, OUTSIDE
@@ -68,7 +68,7 @@ class Samples:
     Attributes
     ----------
     rows : ndarray of float32, shape (N, F)
-        Features in the order of ``DEFAULT_FEATURES``.
+        Features in the order of ``ALL_FEATURES``.
     inside : ndarray of bool, shape (N,)
     prior : ndarray of float32, shape (N,), or None
         Log odds that the prior gives; None where it was not asked.
@@ -99,7 +99,7 @@ def samples(example: Example) -> Samples:
         scribbled = np.count_nonzero(example.truth != IGNORED) < MIN_KNOWN * example.truth.size
         known = (known_of_some if scribbled else known_pixels)(example.truth, seen.factor)
         chosen = _chosen(known.ravel(), rng)
-        found = seen.of_pixels(DEFAULT_FEATURES, chosen)
+        found = seen.of_pixels(ALL_FEATURES, chosen)
         rows += [found, mirrored(found)]
         labels += [known.ravel()[chosen] > 0] * 2
         odds += [reduced_mean(prior(image, start), seen.factor).ravel()[chosen]] * 2
@@ -185,6 +185,6 @@ def known_of_some(truth: Image, factor: int) -> NDArray[np.int8]:
 def mirrored(rows: Floats) -> Floats:
     """The same pixels in the mirrored image, in which only their places differ."""
     found = rows.copy()
-    found[:, DEFAULT_FEATURES.index("x")] = 1 - rows[:, DEFAULT_FEATURES.index("x")]
-    found[:, DEFAULT_FEATURES.index("across")] = -rows[:, DEFAULT_FEATURES.index("across")]
+    found[:, ALL_FEATURES.index("x")] = 1 - rows[:, ALL_FEATURES.index("x")]
+    found[:, ALL_FEATURES.index("across")] = -rows[:, ALL_FEATURES.index("across")]
     return found

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from ffseg.arrays import Array, Floats, Mask, Plane
 from ffseg.evidence import base, box, hints, prior
 from ffseg.evidence.clicks import HALF, Click, ClickedImage, first_state, next_state
-from ffseg.evidence.features import DEFAULT_FEATURES, PLACE_FEATURES, features
+from ffseg.evidence.features import ALL_FEATURES, PLACE_FEATURES, features
 from ffseg.evidence.forest import Model, load_model, to_bytes
 from ffseg.evidence.maps import certain_odds
 from ffseg.evidence.source import model_odds
@@ -85,7 +85,7 @@ CLICKS, PIXELS_PER_CLICK, CLICK_SIZES = (3, 9), 150, (0.005, 0.02)
 
 UNKNOWN = np.int8(-1)
 
-BASE_FEATURES = tuple(name for name in DEFAULT_FEATURES if name not in PLACE_FEATURES[:4])
+BASE_FEATURES = tuple(name for name in ALL_FEATURES if name not in PLACE_FEATURES[:4])
 
 FORESTS = {
     prior.MODEL.name: prior.FEATURE_NAMES,

@@ -200,15 +200,21 @@ def _without_model(params: Parameters) -> Parameters:
 
 def _overlap(one: LabelledImage, model: Model | None) -> tuple[float, float | None]:
     """IoU of the contour on an image, with a model's probabilities or without a model, and what these promised of it."""
-    params, start = _without_model(one.params), one.start
+    params = _without_model(one.params)
     if model is None:
         return _contoured(one, params, None)
     seen = model.appearance(one.image)
-    if start is None:
-        circle = model_start(seen, model, params.init.radius_in(one.image.shape))
-        params = params if circle is None else replace(params, init=replace(params.init, circles=(circle,)))
-        start = start_region(one.image.shape[:2], params)
+    params, start = _begun(model, seen, params, one.start)
     return _contoured(one, params, None if start is None else model_odds(model, seen, start))
+
+
+def _begun(model: Model, image: Appearance, params: Parameters, start: Mask | None) -> tuple[Parameters, Mask | None]:
+    """Where a contour begins with a model: in the start that is named or, without one, where the model looks for it."""
+    if start is not None:
+        return params, start
+    circle = model_start(image, model, params.init.radius_in(image.image.shape))
+    params = params if circle is None else replace(params, init=replace(params.init, circles=(circle,)))
+    return params, start_region(image.image.shape[:2], params)
 
 
 def _contoured(one: LabelledImage, params: Parameters, evidence: Plane | None) -> tuple[float, float | None]:
@@ -292,12 +298,8 @@ def _doubt(source: InputImage, gathered: TrainingSet, model: Model, params: Para
         tell(f"passed over: {error}")
         return -1.0
     own = gathered.starts[source.name].placed(params, image.shape) if source.name in gathered.starts else params
-    start, seen = start_region(image.shape[:2], own, gathered.masks.start), model.appearance(image)
-    if start is None:
-        circle = model_start(seen, model, params.init.radius_in(image.shape))
-        if circle is None:
-            return 1.0
-        start = start_region(image.shape[:2], replace(params, init=replace(params.init, circles=(circle,))))
+    seen = model.appearance(image)
+    _, start = _begun(model, seen, own, start_region(image.shape[:2], own, gathered.masks.start))
     if start is None or not start.any():
         return 1.0
     return uncertainty(model, seen, start)

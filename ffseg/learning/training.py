@@ -11,7 +11,7 @@ import numpy as np
 
 from ffseg.arrays import Floats
 from ffseg.evidence.base import base, enough_of, joined, mean_overlap, odds_of
-from ffseg.evidence.features import DEFAULT_FEATURES, PLACE_FEATURES
+from ffseg.evidence.features import ALL_FEATURES, PLACE_FEATURES
 from ffseg.evidence.forest import Forest, Model
 from ffseg.image.appearance import TEXTURE
 from ffseg.learning.examples import MIN_IN_LEAF, Samples
@@ -59,14 +59,14 @@ SUBSAMPLING = 5
 are left out one by one, fewer of each."""
 
 STARTLESS_FEATURES = tuple(
-    name for name in DEFAULT_FEATURES if name.partition("@")[0] in TEXTURE or name in PLACE_FEATURES[:2]
+    name for name in ALL_FEATURES if name.partition("@")[0] in TEXTURE or name in PLACE_FEATURES[:2]
 )  # fmt: skip
 """Features that need no start."""
 
 
 def grow(
     chosen: Sequence[Samples],
-    names: tuple[str, ...] = DEFAULT_FEATURES,
+    names: tuple[str, ...] = ALL_FEATURES,
     trees: int = TREES,
     begin: Sequence[Floats] | None = None,
 ) -> Forest:
@@ -80,7 +80,7 @@ def grow(
     require(*LIGHTGBM)
     import lightgbm
 
-    columns = [DEFAULT_FEATURES.index(name) for name in names]
+    columns = [ALL_FEATURES.index(name) for name in names]
     rows = np.concatenate([one.rows[:, columns] for one in chosen])
     labels = np.concatenate([one.inside for one in chosen])
     weights = np.concatenate([np.full(len(one.inside), 1 / len(one.inside)) for one in chosen])

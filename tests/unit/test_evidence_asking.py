@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ffseg.cli.commands.learn import prior_sentence
-from ffseg.evidence.features import DEFAULT_FEATURES, features
+from ffseg.evidence.features import ALL_FEATURES, features
 from ffseg.evidence.forest import Forest, Model, from_bytes, to_bytes
 from ffseg.evidence.prior import prior
 from ffseg.evidence.source import model_odds
@@ -21,7 +21,7 @@ from tests.unit.test_evidence_learning import example
 def sampled(share: float) -> Samples:
     """Pixels on which the prior has an IoU of `share`."""
     odds, inside = halves(share)
-    return Samples(np.zeros((len(inside), len(DEFAULT_FEATURES)), np.float32), inside, odds)
+    return Samples(np.zeros((len(inside), len(ALL_FEATURES)), np.float32), inside, odds)
 
 
 @pytest.mark.parametrize("share", [0.8, 0.3])

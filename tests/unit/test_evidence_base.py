@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ffseg.evidence.base import base, enough_of, joined, odds_of
-from ffseg.evidence.features import DEFAULT_FEATURES, features
+from ffseg.evidence.features import ALL_FEATURES, features
 from ffseg.evidence.forest import MAGIC, Model, from_bytes, to_bytes
 from ffseg.image.appearance import Appearance, normalised_exposure
 from ffseg.learning.examples import Samples, samples
@@ -23,7 +23,7 @@ def halves(share: float) -> tuple[np.ndarray, np.ndarray]:
 def test_rows_get_the_odds_that_planes_get() -> None:
     one = example(1)
     seen = features(Appearance(one.image), one.start)
-    rows = seen.of_pixels(DEFAULT_FEATURES, np.arange(1501))
+    rows = seen.of_pixels(ALL_FEATURES, np.arange(1501))
     probability = probabilities(base(), seen).ravel()[:1501]
     # the same sums; only the logarithm of a rounded probability differs
     np.testing.assert_allclose(1 / (1 + np.exp(-odds_of(base(), rows))), probability, atol=1e-6)
@@ -35,9 +35,9 @@ def test_the_base_sees_no_place() -> None:
 
 def test_joined_forests_add_their_odds() -> None:
     one, other = stump("light@0.7", 50.0), stump("y", 0.5)
-    rows = np.zeros((4, len(DEFAULT_FEATURES)), np.float32)
-    rows[:, DEFAULT_FEATURES.index("light@0.7")] = [0, 100, 0, 100]
-    rows[:, DEFAULT_FEATURES.index("y")] = [0, 0, 1, 1]
+    rows = np.zeros((4, len(ALL_FEATURES)), np.float32)
+    rows[:, ALL_FEATURES.index("light@0.7")] = [0, 100, 0, 100]
+    rows[:, ALL_FEATURES.index("y")] = [0, 0, 1, 1]
     assert odds_of(joined(one, other), rows).tolist() == [-3.5, 0.5, 0.5, 4.5]
     assert odds_of(joined(joined(one, other), other), rows).tolist() == [-5.25, -1.25, 2.75, 6.75]
 
@@ -45,7 +45,7 @@ def test_joined_forests_add_their_odds() -> None:
 @pytest.mark.parametrize(("count", "share", "ok"), [(1, 0.7, False), (1, 0.8, True), (5, 0.55, False), (5, 0.65, True)])
 def test_few_masks_must_show_more(count: int, share: float, ok: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     odds, inside = zip(*(halves(share) for _ in range(count)), strict=True)
-    chosen = [Samples(np.zeros((len(one), len(DEFAULT_FEATURES)), np.float32), one) for one in inside]
+    chosen = [Samples(np.zeros((len(one), len(ALL_FEATURES)), np.float32), one) for one in inside]
     monkeypatch.setattr("ffseg.learning.training._left_out_overlap", lambda _: 1.0)
     found = choose_base(chosen, odds)
     assert found.corrected is (ok or count == 1)  # one mask is too little to begin with

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ffseg.errors import ParameterError, SegmentationError
-from ffseg.evidence.features import DEFAULT_FEATURES, enlarged, features, reduced_mean
+from ffseg.evidence.features import ALL_FEATURES, enlarged, features, reduced_mean
 from ffseg.evidence.forest import MAGIC, Forest, Model, from_bytes, load_model, to_bytes
 from ffseg.image.appearance import Appearance, reduction
 from tests.discs import disc_of
@@ -28,8 +28,8 @@ def photograph() -> np.ndarray:
 
 def test_all_features_are_finite_and_named_once() -> None:
     seen = features(Appearance(photograph(), 65, even=False), disc(30, 40, 8))
-    assert (seen.factor, tuple(seen.planes)) == (2, DEFAULT_FEATURES)
-    assert len(set(DEFAULT_FEATURES)) == len(DEFAULT_FEATURES)
+    assert (seen.factor, tuple(seen.planes)) == (2, ALL_FEATURES)
+    assert len(set(ALL_FEATURES)) == len(ALL_FEATURES)
     assert all(plane.shape == (45, 65) and np.isfinite(plane).all() for plane in seen.planes.values())
 
 
@@ -46,7 +46,7 @@ def test_grey_is_colour_without_a_and_b() -> None:
     one, other = (
         features(Appearance(image), disc(30, 40, 8)) for image in (grey, np.repeat(grey[..., None], 3, axis=2))
     )
-    assert all(np.array_equal(one[name], other[name]) for name in DEFAULT_FEATURES)
+    assert all(np.array_equal(one[name], other[name]) for name in ALL_FEATURES)
 
 
 def test_a_small_start_keeps_a_pixel_and_an_empty_one_is_refused() -> None:
@@ -196,7 +196,7 @@ def test_spoiled_model_files_are_read_or_refused(request: pytest.FixtureRequest)
         "value": np.linspace(-1, 1, 7).astype(np.float32),
     }
     data = to_bytes(
-        Model(Forest(arrays), Forest(arrays, DEFAULT_FEATURES[:9]), about={"masks": 3}, exposed=True, prior=0.5)
+        Model(Forest(arrays), Forest(arrays, ALL_FEATURES[:9]), about={"masks": 3}, exposed=True, prior=0.5)
     )
     counts = Counter[str]()
     for number in range(20_000 if request.config.getoption("--long") else 400):

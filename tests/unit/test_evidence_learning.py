@@ -8,7 +8,7 @@ import pytest
 
 from ffseg.errors import UsageError
 from ffseg.evidence.base import base, mean_overlap
-from ffseg.evidence.features import DEFAULT_FEATURES, features
+from ffseg.evidence.features import ALL_FEATURES, features
 from ffseg.evidence.forest import Model
 from ffseg.evidence.source import model_odds
 from ffseg.image.appearance import Appearance
@@ -106,9 +106,9 @@ def test_converted_trees_say_what_lightgbm_says() -> None:
     data = lightgbm.Dataset(one.rows, one.inside.astype(np.float32))
     settings = {"objective": "binary", "num_leaves": 31, "verbose": -1, "use_missing": False, "num_threads": 1}
     booster = lightgbm.train(settings, data, 20)
-    forest = converted(booster.dump_model()["tree_info"], DEFAULT_FEATURES)
+    forest = converted(booster.dump_model()["tree_info"], ALL_FEATURES)
     seen = features(Appearance(example(2).image), example(2).start)
-    wanted = booster.predict(seen.of_pixels(DEFAULT_FEATURES, np.arange(example(2).truth.size)))
+    wanted = booster.predict(seen.of_pixels(ALL_FEATURES, np.arange(example(2).truth.size)))
     np.testing.assert_allclose(probabilities(forest, seen).ravel(), wanted, atol=2e-6)  # 20 leaves in single precision
 
 
@@ -121,7 +121,7 @@ def test_the_same_masks_give_the_same_forest() -> None:
 
 def test_samples_are_known_pixels_seen_twice() -> None:
     one = samples(example(1))
-    assert one.rows.shape == (2 * PIXELS, len(DEFAULT_FEATURES))
+    assert one.rows.shape == (2 * PIXELS, len(ALL_FEATURES))
     assert 0.02 < one.inside.mean() < 0.5
     half = PIXELS // 5
     np.testing.assert_array_equal(mirrored(one.rows[:half]), one.rows[half : 2 * half])
