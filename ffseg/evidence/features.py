@@ -10,7 +10,7 @@ import numpy as np
 from ffseg.arrays import Floats, Image, Indices, Mask, Plane
 from ffseg.errors import SegmentationError
 from ffseg.evidence.maps import blurred
-from ffseg.image.appearance import TEXTURE, Appearance, of_blocks, reduced_shape
+from ffseg.image.appearance import TEXTURE, Appearance, reduced_shape
 from ffseg.native import _core
 
 SCALES = (0.7, 1.5, 3.0, 6.0)
@@ -198,9 +198,19 @@ def broadened(inside: Image, least: float) -> Image:
 
 
 def reduced_mean(plane: Plane, factor: int) -> Plane:
-    """Means over blocks of ``factor`` x ``factor`` pixels; blocks at the right and lower borders may be smaller."""
+    """Means over blocks of ``factor`` x ``factor`` pixels; blocks at the right and lower borders may be smaller.
+
+    A slice a row of the blocks is added to the next, as `np.add.reduceat` takes five to ten times as long.
+    """
     counts = [np.minimum(np.arange(size, 0, -factor), factor) for size in plane.shape]
-    return np.ascontiguousarray(of_blocks(np.add, plane, factor) / (counts[0][:, None] * counts[1]), np.float32)
+    sums = plane
+    for _ in range(2):  # rows, then columns
+        before, sums = sums, sums[::factor].copy()
+        for row in range(1, factor):
+            part = before[row::factor]
+            sums[: len(part)] += part
+        sums = sums.T
+    return np.ascontiguousarray(sums / (counts[0][:, None] * counts[1]), np.float32)
 
 
 def enlarged(plane: Plane, factor: int, shape: tuple[int, int], stride: int = 1) -> Plane:

@@ -8,9 +8,8 @@ from functools import cached_property
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from ffseg.arrays import Image, Level, Plane
+from ffseg.arrays import Image, Plane
 from ffseg.native import _core
 
 WORKING_SIZE = 400
@@ -125,18 +124,3 @@ def normalised_exposure(image: Image) -> Image:
     gain = min(max(MEAN_LEVEL / max(mean - veil, 1.0), 1 / MAX_GAIN), MAX_GAIN)
     levels = np.clip(np.rint((np.arange(256) - veil) * gain), 0, 255).astype(np.uint8)
     return np.asarray(cv2.LUT(image, levels), np.uint8)
-
-
-def of_blocks(ufunc: np.ufunc, plane: NDArray[Level], factor: int) -> NDArray[Level]:
-    """`np.add` or `np.maximum` over blocks of ``factor`` x ``factor`` pixels; those at the right and lower borders are smaller.
-
-    A slice a row of the blocks, as `reduceat` takes five to ten times as long.
-    """
-    found = plane
-    for _ in range(2):  # rows, then columns
-        before, found = found, found[::factor].copy()
-        for row in range(1, factor):
-            part = before[row::factor]
-            ufunc(found[: len(part)], part, out=found[: len(part)])
-        found = found.T
-    return np.ascontiguousarray(found)

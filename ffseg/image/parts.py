@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.arrays import Image, Indices, Level, Mask
+from ffseg.arrays import Image, Indices, Mask, Plane
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +75,6 @@ def scattered(mask: Mask) -> Iterator[tuple[tuple[slice, slice], Parts]]:
         yield window, connected_parts(mask[window])
 
 
-def dilated(region: NDArray[Level], width: int) -> NDArray[Level]:
+def dilated(plane: Plane, width: int) -> Plane:
     """The largest value in the square of that odd width round each pixel."""
-    return np.asarray(cv2.dilate(region, np.ones((width, width), np.uint8)), region.dtype)
+    return np.asarray(cv2.dilate(plane, np.ones((width, width), np.uint8)), np.float32)

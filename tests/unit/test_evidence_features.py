@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from ffseg.errors import ParameterError, SegmentationError
-from ffseg.evidence.features import ALL_FEATURES, enlarged, features, reduced_mean
+from ffseg.evidence.features import ALL_FEATURES, SHAPELESS_FEATURES, enlarged, features, reduced_mean
 from ffseg.evidence.forest import MAGIC, Forest, Model, from_bytes, load_model, to_bytes
 from ffseg.image.appearance import Appearance, reduction
+from ffseg.image.parts import dilated
 from tests.discs import disc_of
 from tests.stumps import probabilities, stump
 
@@ -31,6 +32,22 @@ def test_all_features_are_finite_and_named_once() -> None:
     assert (seen.factor, tuple(seen.planes)) == (2, ALL_FEATURES)
     assert len(set(ALL_FEATURES)) == len(ALL_FEATURES)
     assert all(plane.shape == (45, 65) and np.isfinite(plane).all() for plane in seen.planes.values())
+
+
+def test_what_is_named_is_found_whatever_else_is_looked_for() -> None:
+    some, most = (
+        features(Appearance(photograph()), disc(30, 40, 8), names) for names in (SHAPELESS_FEATURES, ALL_FEATURES)
+    )
+    assert set(SHAPELESS_FEATURES) < set(ALL_FEATURES)
+    for name in SHAPELESS_FEATURES:
+        np.testing.assert_array_equal(some[name], most[name])
+
+
+@pytest.mark.parametrize("width", [1, 3, 5, 9])
+def test_widened_is_the_largest_of_the_square_round_a_pixel(width: int) -> None:
+    plane = np.random.default_rng(5).random((13, 17), np.float32)
+    windows = np.lib.stride_tricks.sliding_window_view(np.pad(plane, width // 2), (width, width))
+    np.testing.assert_array_equal(dilated(plane, width), windows.max(axis=(2, 3)))
 
 
 def test_the_barrier_of_a_border_is_its_gradient() -> None:
