@@ -7,6 +7,7 @@ contour comes is measured elsewhere): what is judged is which ground was reached
 all wider ones.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import cv2
@@ -49,10 +50,10 @@ def settings_of(rng: np.random.Generator) -> dict[str, float]:
     }
 
 
-def segmented(scene: labyrinths.Labyrinth, settings: dict[str, float]) -> ffseg.Segmentation:
+def segmented(scene: labyrinths.Labyrinth, settings: Mapping[str, object]) -> ffseg.Segmentation:
     start = {"init.center": list(scene.start), "init.radius": labyrinths.START_RADIUS}
     own = {"edges.source": "gradient"}  # else the prior could step in where the evolution fails
-    return ffseg.segment(scene.image, ffseg.load_params(None, own | start | settings))
+    return ffseg.segment(scene.image, ffseg.load_params(None, {**own, **start, **settings}))
 
 
 def iou_off_border(mask: NDArray[np.bool_], truth: NDArray[np.bool_]) -> float:

@@ -63,7 +63,7 @@ def taught(work: Path, film: Path, truths: Path, frames: int) -> dict[str, Path]
 
 def decoding_ms(film: Path) -> float:
     """Milliseconds a frame of OpenCV's decoding, on one core."""
-    capture, found = cv2.VideoCapture(str(film), cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1]), []
+    capture, found = cv2.VideoCapture(str(film), cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1]), list[float]()
     while True:
         begin = time.perf_counter()
         if not capture.read()[0]:

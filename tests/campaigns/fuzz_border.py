@@ -64,7 +64,7 @@ class Draws:
         """A map of the case's shape."""
         shape = (*self.shape, *more)
         density = self.rng.choice([0.0, 0.1, 1.0])
-        made = np.where(self.rng.random(shape) < density, self.rng.integers(0, high, shape), 0).astype(dtype)
+        made: Array = np.where(self.rng.random(shape) < density, self.rng.integers(0, high, shape), 0).astype(dtype)
         return self._other(made) if self.once(self.spoil) else made
 
     def marks(self) -> Array:
@@ -179,8 +179,8 @@ def snakes(core: ModuleType, draws: Draws) -> None:
 
 
 def pairs(core: ModuleType, draws: Draws) -> None:
-    current, previous, n, k = draws.plane(np.uint8, 256), draws.plane(np.uint8, 256), draws.rng.integers(5), 2
-    n, radius = int(n), draws.count([1, 2, 4, 32])
+    current, previous = draws.plane(np.uint8, 256), draws.plane(np.uint8, 256)
+    n, k, radius = int(draws.rng.integers(5)), 2, draws.count([1, 2, 4, 32])
     warps = np.tile([1.0, 0.0, 0.0, 1.0], (n, k)) + 0.01 * draws.rows(n, 4 * k)
     centers = draws.rows(n, 2)
     places, scores = draws.rows(n, 2 * k), draws.rows(n, k)
@@ -209,7 +209,7 @@ def lists(core: ModuleType, draws: Draws) -> None:
 
 def packed(core: ModuleType, draws: Draws) -> None:
     """Lengths of packed bytes, whatever they are."""
-    size, usual = int(draws.rng.integers(200)), [0, 0x80, 0xFF, draws.rng.integers(256)]  # long runs, clear codes
+    size, usual = int(draws.rng.integers(200)), [0, 0x80, 0xFF, int(draws.rng.integers(256))]  # long runs, clear codes
     data = bytes(draws.rng.choice(usual, size).tolist()) if draws.rng.integers(2) else draws.rng.bytes(size)
     core.lzw_size(data)
     core.packbits_size(data)
@@ -243,8 +243,8 @@ def main(
     only: int | None = None,
 ) -> int:
     """Run the cases with a core that is built already."""
-    cases = range(cases) if only is None else range(only, only + 1)
-    seen = fuzz(other_core.loaded(core), work, cases, seed)
+    numbers = range(cases) if only is None else range(only, only + 1)
+    seen = fuzz(other_core.loaded(core), work, numbers, seed)
     harness.say("\n".join(f"{name:20} {seen[name]:6} cases" for name in sorted(seen)))
     harness.say(f"{sum(seen.values())} cases")
     return 0

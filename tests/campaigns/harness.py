@@ -52,7 +52,7 @@ class Ended:
 
 
 def command(*arguments: str | os.PathLike[str]) -> list[str]:
-    return [sys.executable, "-m", "ffseg", *map(os.fspath, arguments)]
+    return [sys.executable, "-m", "ffseg", *(str(argument) for argument in arguments)]
 
 
 def milliseconds(work: Callable[[], object]) -> float:
@@ -91,7 +91,7 @@ def endless(work: Path, images: int = 12) -> list[str | os.PathLike[str]]:
 
     draw_blobs(work / "in", images)
     Image.fromarray(np.full((48, 64), stand_in.HANG, np.uint8)).save(work / "in" / "z.png")
-    run = ["run", work / "in", "--out", work / "out", "--jobs", "2"]
+    run: list[str | os.PathLike[str]] = ["run", work / "in", "--out", work / "out", "--jobs", "2"]
     return [*run, "--set", CONFIG, "--set", f"method={stand_in.METHOD}"]
 
 

@@ -43,7 +43,8 @@ def main(
 
 def start_of(photograph: Photograph) -> NDArray[np.bool_]:
     x, y, radius = photograph.circle
-    rows, columns = np.indices(photograph.truth.shape, sparse=True)
+    height, width = photograph.truth.shape
+    rows, columns = np.ogrid[:height, :width]
     return np.asarray((columns - x) ** 2 + (rows - y) ** 2 <= radius**2)
 
 

@@ -74,13 +74,12 @@ def learned(kind: str, count: int) -> Iterator[grow.Samples]:
 
 def judged(kind: str, forest: Forest, count: int) -> Iterator[tuple[int, float]]:
     """Numbers and IoU of so many looks at a kind."""
-    native = forest.compiled()
     for number, seen in enumerate(sights(kind, count, UNSEEN)):
         view = prior.start_features(Appearance(seen.image), seen.disc())
-        odds = np.clip(forest.log_odds(prior.all_planes(view), native), -prior.MAX_LOG_ODDS, prior.MAX_LOG_ODDS)
+        odds = np.clip(forest.log_odds(prior.all_planes(view)), -prior.MAX_LOG_ODDS, prior.MAX_LOG_ODDS)
         known = known_pixels(seen.truth, view.factor)[::STRIDE, ::STRIDE]
         inside, truth = voted(odds, view)[known >= 0] > 0, known[known >= 0] > 0
-        yield number, float(np.count_nonzero(inside & truth) / max(1, np.count_nonzero(inside | truth)))
+        yield number, int(np.count_nonzero(inside & truth)) / max(1, int(np.count_nonzero(inside | truth)))
 
 
 def changed(now: Overlaps, before: Overlaps) -> str:

@@ -15,7 +15,7 @@ from statistics import mean
 
 import numpy as np
 
-from ffseg.arrays import Array
+from ffseg.arrays import Array, Image, Mask
 from ffseg.errors import SegmentationError
 from ffseg.image.own import own_image
 from ffseg.io.images import prepare_worker
@@ -61,7 +61,7 @@ class Place:
     jolt: np.random.Generator
 
 
-def frames(case: Case) -> Iterator[tuple[list[Array], Array]]:
+def frames(case: Case) -> Iterator[tuple[list[Image], Mask]]:
     """The images of a case and the camera's own image, (H, W) bool: of a camera that sees itself, and of one that does not."""
     rng = np.random.default_rng([KINDS.index(case.kind), case.seed])
     scene = street(rng) if case.kind == "street" else room(rng)
@@ -74,8 +74,8 @@ def frames(case: Case) -> Iterator[tuple[list[Array], Array]]:
     yield _exposed(seen, exposure, case, sees_itself=False)
 
 
-def _exposed(seen: list[Place], exposure: float, case: Case, *, sees_itself: bool) -> tuple[list[Array], Array]:
-    found, own, level = list[Array](), np.zeros(0, np.bool_), 0.0
+def _exposed(seen: list[Place], exposure: float, case: Case, *, sees_itself: bool) -> tuple[list[Image], Mask]:
+    found, own, level = list[Image](), np.zeros((0, 0), np.bool_), 0.0
     for place in seen:
         light, jolt = place.light.copy(), deepcopy(place.jolt)
         own = _own(light, place.camera, case) if sees_itself else np.zeros(light.shape[:2], np.bool_)
@@ -105,7 +105,7 @@ def _light(scene: World, camera: Viewpoint, case: Case) -> Array:
     return np.maximum(shaded(clear, camera.origin, camera.rays.reshape(-1, 3), rng)[0], 0).reshape(*shape, 3)
 
 
-def _own(light: Array, camera: Viewpoint, case: Case) -> Array:
+def _own(light: Array, camera: Viewpoint, case: Case) -> Mask:
     """The camera's own image, (H, W) bool, which is drawn over the light."""
     ground = np.ones(light.shape[:2], np.bool_)
     if camera.radii is not None:
@@ -132,7 +132,7 @@ def judged(case: Case) -> tuple[Outcome, Outcome]:
     return itself, nothing
 
 
-def _outcome(case: Case, images: list[Array], own: Array) -> Outcome:
+def _outcome(case: Case, images: list[Image], own: Mask) -> Outcome:
     try:
         found = own_image(images)
     except SegmentationError:

@@ -88,6 +88,10 @@ class Watched:
         )
 
 
+def between(one: tuple[float, float], other: tuple[float, float], share: float) -> tuple[float, float]:
+    return one[0] * (1 - share) + other[0] * share, one[1] * (1 - share) + other[1] * share
+
+
 def follow(tab: chromium.Chromium, work: Path, size: tuple[int, int]) -> None:
     """How the contour follows in an image of a size."""
     folder = work / f"{size[0]}x{size[1]}"
@@ -101,10 +105,7 @@ def follow(tab: chromium.Chromium, work: Path, size: tuple[int, int]) -> None:
         say(f"{width}x{height}")
         watched.moves("hover", lambda share: tab.hover(start[0] * share + corner[0] * (1 - share), start[1]))
         tab.mouse("mousePressed", *corner, "left")
-        watched.moves(
-            "box",
-            lambda s: tab.mouse("mouseMoved", *(a + (b - a) * s for a, b in zip(corner, far, strict=True)), "left"),
-        )
+        watched.moves("box", lambda share: tab.mouse("mouseMoved", *between(corner, far, share), "left"))
         tab.mouse("mouseReleased", *far, "left")
         tab.press("x")
         tab.until("document.querySelectorAll('#marks *').length === 0")

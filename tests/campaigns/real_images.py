@@ -51,7 +51,7 @@ class Photograph:
         return replace(
             self,
             image=resized(self.image, (size[1], size[0])),
-            truth=cv2.resize(self.truth, size, interpolation=cv2.INTER_NEAREST),
+            truth=np.asarray(cv2.resize(self.truth, size, interpolation=cv2.INTER_NEAREST), np.uint8),
             circle=(across * (x + 0.5) - 0.5, down * (y + 0.5) - 0.5, radius * min(across, down)),
         )
 

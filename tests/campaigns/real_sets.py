@@ -78,7 +78,7 @@ def spearman(a: Sequence[float], b: Sequence[float]) -> float:
     ranks = [_ranks(np.asarray(values, np.float64)) for values in (a, b)]
     if min(np.ptp(rank) for rank in ranks) == 0:
         return float("nan")
-    return float(np.corrcoef(ranks)[0, 1])
+    return float(np.asarray(np.corrcoef(ranks))[0, 1])
 
 
 def _ranks(values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -76,7 +76,7 @@ def photographs(count: int) -> Iterator[tuple[Picture, Picture]]:
         image, ground = photographed(scene, replace(camera, origin=camera.origin + ahead[view]), rng, road=False)
         size = (WIDTH, round(WIDTH * image.shape[0] / image.shape[1]))
         truth = cv2.resize(ground.astype(np.uint8) * np.uint8(INSIDE), size, interpolation=cv2.INTER_NEAREST)
-        yield cv2.resize(image, size, interpolation=cv2.INTER_CUBIC), truth
+        yield np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_CUBIC), np.uint8), np.asarray(truth, np.uint8)
 
 
 def drawn(work: Path, count: int) -> dict[str, Picture]:
@@ -135,7 +135,8 @@ class Stranger:
         """What the page has drawn, when it has drawn all it was asked for."""
         self.until(SETTLED)
         data = base64.b64decode(self.hand.tab.value(DRAWN).partition(",")[2])
-        return np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)[:, :, 3] > 127)
+        picture = np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED))
+        return np.asarray(picture[:, :, 3] > 127)
 
     def shown(self, ms: int, place: tuple[float, float] | None = None) -> None:
         """Take a picture for the animation, with the pointer at a place of the window."""
@@ -168,7 +169,7 @@ class Stranger:
 
     def click(self, mask: Mask, truth: Picture) -> None:
         wrong = Clicks().next(mask, truth, 1.0)
-        x, y, _ = (*wrong.inside, *wrong.outside)[0]
+        x, y = (*wrong.inside, *wrong.outside)[0][:2]
         place = self.hand.at(x, y)
         self.hand.tab.hover(*place)
         self.spend(THOUGHT_S)

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from ffseg.learning import grow as growing
 from ffseg.learning.drawn.sights import KINDS, MIN_DEPTH, sights
 from ffseg.learning.grow import CLICKED_VIEWS, VIEWS_PER_KIND, grow, hint_samples, prior_samples
 from ffseg.metrics import INSIDE
-from tests.campaigns.left_out import GROUPS, changed
+from tests.campaigns.left_out import GROUPS, changed, judged
 
 FLAT = [name for name, kind in KINDS.items() if not kind.alike]
 """Kinds that are painted, not ray cast: quick to draw."""
@@ -63,6 +64,12 @@ def test_the_same_looks_grow_the_same_bytes() -> None:
         to_bytes(grow([look[0][0] for look in prior_samples("tissue", 2)], prior.FEATURE_NAMES, {})) for _ in range(2)
     ]
     assert made[0] == made[1]
+
+
+def test_a_forest_is_judged_by_what_it_finds() -> None:
+    forest = load_model(prior.MODEL, prior.FEATURE_NAMES).inside
+    assert [overlap > 0.5 for _, overlap in judged("organ", forest, 2)] == [True, True]
+    assert [overlap for _, overlap in judged("organ", replace(forest, bias=-100), 2)] == [0, 0]
 
 
 def test_the_same_clicks_grow_the_same_bytes() -> None:
