@@ -202,6 +202,12 @@ def with_model_start(scene: Scene) -> Scene:
     return replace(scene, params=replace(params, init=replace(init, circles=(circle, *init.circles), background=later)))
 
 
+def proposes(params: Parameters) -> bool:
+    """Whether a model finds where to start in an image of which nothing is known: a forest may, a network takes the middle."""
+    path = params.edges.model
+    return path is not None and (not path.endswith(FOREST_SUFFIX) or ready(path).start is not None)
+
+
 def model_start(
     image: Appearance, model: Model, most: float, outside: Mask | None = None
 ) -> tuple[float, float, float] | None:

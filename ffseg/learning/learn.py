@@ -25,7 +25,7 @@ from ffseg.io.tables import counted, without_nan
 from ffseg.learning.examples import Example, Samples, samples, starts_in
 from ffseg.learning.gather import LabelledImage, TrainingSet, known_share, start_region
 from ffseg.learning.training import BaseChoice, PriorChoice, folds, grown, learn
-from ffseg.metrics import iou
+from ffseg.metrics import INSIDE, iou
 from ffseg.parameters import Parameters
 from ffseg.pipeline import segment
 from ffseg.scene import Scene
@@ -47,6 +47,10 @@ BESIDE = 0.9
 
 MAX_LOG_RATIO = 10.0
 """Largest logarithm of a ratio that is fitted, either way."""
+
+MIN_MET = 0.5
+"""Part of the starts that a model finds which have to lie in the masks, as in kinds with many things alike they do not: each
+that lies elsewhere costs a click more than none does."""
 
 MAX_UNMARKED = 200
 """Images without a mask that are looked at to name the next."""
@@ -79,11 +83,14 @@ class CrossValidation:
     known : float
         Part of the pixels of which the masks know something.
     searched : bool
-        Whether the starts of some images are looked for; without a model they are grown from the middle then.
+        Whether the model looks for starts where none is named; without a model they are grown from the middle then.
     order : tuple of str
         Images without a mask, those the model is least sure of first; `following` is the first.
     odds_ratio : float
         Odds of the overlap that the model promises over the odds of the IoU on images left out: what its scores are made with.
+    met : float or None
+        Share of the images left out in which the start that the model finds lies in the mask; None where that was not measured.
+        Below `MIN_MET` the model is kept without, and all figures are of starts in the masks.
     """
 
     masks: int
@@ -101,6 +108,24 @@ class CrossValidation:
     searched: bool = False
     order: tuple[str, ...] = ()
     odds_ratio: float = MODEL_ODDS_RATIO
+    met: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """What is found in an image that was left out.
+
+    Attributes
+    ----------
+    promised : float or None
+        Overlap that the model promises of it, if it has decided and nothing else is doubted.
+    met : bool or None
+        Whether the start that the model finds lies in the mask; None where it was not asked for one.
+    """
+
+    iou: float
+    promised: float | None = None
+    met: bool | None = None
 
 
 def learn_and_measure(
@@ -117,6 +142,8 @@ def learn_and_measure(
     model = learn(chosen)
     tell(f"grown from {counted(len(chosen), 'mask')}")
     figures = _figures(gathered.labelled, chosen, tell) if measured else _unmeasured(len(chosen))
+    met = figures.met is None or figures.met >= MIN_MET
+    model = model if met else replace(model, start=None)
     order = _order(gathered, model, params, tell)
     figures = replace(
         figures,
@@ -124,7 +151,7 @@ def learn_and_measure(
         base=BaseChoice(**model.about["base"]),
         prior=None if model.about["prior"] is None else PriorChoice(**model.about["prior"]),
         known=known_share(gathered.labelled),
-        searched=any(one.start is None for one in gathered.labelled),
+        searched=met and any(one.start is None for one in gathered.labelled),
     )
     names = [one.name for one in gathered.labelled][:100]
     about = {"ffseg": __version__, "images": names, **without_nan(asdict(figures))}
@@ -156,33 +183,36 @@ def _figures(labelled: Sequence[LabelledImage], chosen: Sequence[Samples], tell:
     count = len(labelled)
     if count < 2:
         return _unmeasured(count)
-    own, other, promises = [0.0] * count, [0.0] * count, dict[int, float]()
-    parts = folds(count)
+    found, models, parts = dict[int, LeftOut](), dict[int, Model](), folds(count)
     for number, fold in enumerate(parts):
         searched = any(labelled[i].start is None for i in fold)
         model = learn([chosen[i] for i in range(count) if i not in fold], searched=searched)
-        for i in fold:
-            own[i], promise = _overlap(labelled[i], model)
-            other[i], _ = _overlap(labelled[i], None)
-            if promise is not None:
-                promises[i] = promise
-        tell(f"left out part {number + 1} of {len(parts)}: IoU {mean(own[i] for i in fold):.3f}")
+        models |= dict.fromkeys(fold, model)
+        found |= {i: _left_out(labelled[i], model) for i in fold}
+        tell(f"left out part {number + 1} of {len(parts)}: IoU {mean(found[i].iou for i in fold):.3f}")
+    met = [one.met for one in found.values() if one.met is not None]
+    if met and mean(met) < MIN_MET:
+        tell("most starts that the model finds lie outside the masks: measured from starts inside")
+        rng = np.random.default_rng(0)
+        labelled = [_started(one, rng) for one in labelled]
+        found = {i: _left_out(one, models[i]) for i, one in enumerate(labelled)}
+    own = [found[i].iou for i in range(count)]
+    other = [_contoured(one, _without_model(one.params), None).iou for one in labelled]
     gains = [a - b for a, b in zip(own, other, strict=True)]
     helps = mean(gains) > MIN_STANDARD_ERRORS * stdev(gains) / len(gains) ** 0.5
     curve = _curve(labelled, chosen)
     more = _worth_drawing(curve, count)
-    ratio = fitted_ratio(list(promises.values()), [own[i] for i in promises])
-    return CrossValidation(
-        count, mean(own), pstdev(own), mean(other), pstdev(other), helps, curve, more, odds_ratio=ratio
-    )
+    figures = CrossValidation(count, mean(own), pstdev(own), mean(other), pstdev(other), helps, curve, more)
+    ratio = fitted_ratio([(one.promised, one.iou) for one in found.values() if one.promised is not None])
+    return replace(figures, odds_ratio=ratio, met=mean(met) if met else None)
 
 
-def fitted_ratio(promised: Sequence[float], found: Sequence[float]) -> float:
-    """The ratio by which promised overlaps become, in the mean, the IoU found: logistic regression with a slope of one.
+def fitted_ratio(found: Sequence[tuple[float, float]]) -> float:
+    """The ratio by which overlaps promised become, in the mean, the IoU beside each: logistic regression with a slope of one.
 
     One image is counted beside these, of which as much was found as is where a model that was not measured promises `BESIDE`.
     """
-    pairs = [*zip(promised, found, strict=True), (BESIDE, UNMEASURED.iou(BESIDE))]
+    pairs = [*found, (BESIDE, UNMEASURED.iou(BESIDE))]
     low, high = -MAX_LOG_RATIO, MAX_LOG_RATIO
     for _ in range(40):
         middle = (low + high) / 2
@@ -198,14 +228,14 @@ def _without_model(params: Parameters) -> Parameters:
     return replace(params, edges=replace(params.edges, model=None))
 
 
-def _overlap(one: LabelledImage, model: Model | None) -> tuple[float, float | None]:
-    """IoU of the contour on an image, with a model's probabilities or without a model, and what these promised of it."""
-    params = _without_model(one.params)
-    if model is None:
-        return _contoured(one, params, None)
+def _left_out(one: LabelledImage, model: Model) -> LeftOut:
+    """What is found in an image with a model's probabilities."""
     seen = model.appearance(one.image)
-    params, start = _begun(model, seen, params, one.start)
-    return _contoured(one, params, None if start is None else model_odds(model, seen, start))
+    params, start = _begun(model, seen, _without_model(one.params), one.start)
+    found = _contoured(one, params, None if start is None else model_odds(model, seen, start))
+    if one.start is not None:
+        return found
+    return replace(found, met=start is not None and bool(np.mean(one.truth[start] == INSIDE) > 0.5))
 
 
 def _begun(model: Model, image: Appearance, params: Parameters, start: Mask | None) -> tuple[Parameters, Mask | None]:
@@ -217,14 +247,14 @@ def _begun(model: Model, image: Appearance, params: Parameters, start: Mask | No
     return params, start_region(image.image.shape[:2], params)
 
 
-def _contoured(one: LabelledImage, params: Parameters, evidence: Plane | None) -> tuple[float, float | None]:
-    """IoU of the contour by some evidence, and what that promised of it, if it has decided and nothing else is doubted."""
+def _contoured(one: LabelledImage, params: Parameters, evidence: Plane | None) -> LeftOut:
+    """What is found in an image by some evidence."""
     try:
         found = segment(Scene(one.image, params, evidence=evidence, **one.masks.bounds))
     except SegmentationError:
-        return 0.0, None
+        return LeftOut(0.0)
     promise = PRIOR_CALIBRATION.overlap(found.score) if found.source == "evidence" and not found.doubts else None
-    return iou(found.mask, one.truth), promise
+    return LeftOut(iou(found.mask, one.truth), promise)
 
 
 def _curve(labelled: Sequence[LabelledImage], chosen: Sequence[Samples]) -> tuple[tuple[int, float], ...]:
@@ -254,7 +284,7 @@ def _curve(labelled: Sequence[LabelledImage], chosen: Sequence[Samples]) -> tupl
         image = Appearance(one.image)
         seen, odds = features(image, one.start), prior(image, one.start)
         for number, model in asked:
-            found[number].append(_contoured(one, one.params, model.map(seen, odds))[0])
+            found[number].append(_contoured(one, one.params, model.map(seen, odds)).iou)
     return tuple((number, round(mean(overlaps), 4)) for number, overlaps in found.items())
 
 

@@ -80,10 +80,12 @@ def learn_summary(document: str) -> tuple[str, list[str], bool]:
     iou, without = found["iou"], found["without"]
     if iou is None or without is None:
         return f"learned from {found['masks']} masks, now measured on each left out", found.get("order") or [], True
-    line = f"{found['masks']} masks: {_short(iou)} expected on the rest"
+    where = "on the rest" if found["searched"] else "from a click in each"
+    line = f"{found['masks']} masks: {_short(iou)} expected {where}"
     more = found["more"]
     line += f"; {_gain(found['curve'])}" if more else "; more masks will hardly raise it"
-    return line, found.get("order") or [], iou >= without  # without one, a run begins in the middle
+    # what finds starts spares a click in each image, and a run that begins in the middle; else all depends on what it adds
+    return line, found.get("order") or [], iou >= without if found["searched"] else found["helps"] is True
 
 
 def _gain(curve: Sequence[Sequence[float]]) -> str:

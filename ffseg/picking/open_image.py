@@ -12,6 +12,7 @@ import numpy as np
 from ffseg.arrays import Image, Mask
 from ffseg.enlargement import scaled_seed
 from ffseg.errors import FfsegError
+from ffseg.evidence.source import proposes
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.edges import edge_map
 from ffseg.image.free import distances
@@ -148,7 +149,7 @@ class OpenImage:
         ----------
         picked : ImagePicks
         params : Parameters
-            For all images; with ``edges.model`` that finds starts, a region is proposed where nothing was picked.
+            For all images; where these name a model that finds starts, a region is proposed where nothing was picked.
         base : ndarray of bool, shape (H, W), or None
             The region that stands as long as nothing but strokes is picked.
         quick : bool
@@ -214,7 +215,7 @@ class OpenImage:
             said = "on a region that was there, points outside and levels count once there is a start inside; use the brush"
             return PickedRegion(mask, outlines_of(mask), factor, said if ignored else "", source="run")
         empty = PickedRegion(np.zeros(shape, np.bool_), (), factor)
-        if not picked.grows and params.edges.model is None:
+        if not picked.grows and not proposes(params):
             return empty
         start = replace(picked.start or Start(), found=params.edges.model is not None)
         try:

@@ -10,9 +10,10 @@ the set, and the clicks correct that; boxes are looked at with it, too.
 """
 
 import csv
+import json
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import chain, pairwise
 from multiprocessing import get_context
 from pathlib import Path
@@ -26,14 +27,17 @@ from numpy.typing import NDArray
 import ffseg
 from ffseg.errors import FfsegError
 from ffseg.evidence.forest import to_bytes
+from ffseg.evidence.source import proposes
 from ffseg.image.edges import edge_map
 from ffseg.io.images import prepare_worker
+from ffseg.io.tables import without_nan
 from ffseg.learning.drawn.clicks import Clicks
 from ffseg.learning.drawn.sights import KINDS, sights
 from ffseg.learning.gather import LabelledImage, TrainingSet
 from ffseg.learning.learn import learn_and_measure
 from ffseg.metrics import IGNORED, INSIDE, iou
-from ffseg.parameters import load_params
+from ffseg.parameters import Parameters, load_params
+from ffseg.picking.learner import learn_summary
 from ffseg.starts.initial import click_radius
 from tests.campaigns import harness
 from tests.campaigns.real_images import SETS, load
@@ -68,7 +72,7 @@ class Task:
         """Its row of the table: overlaps after each click, that of the box, and the median time of a click in ms."""
         prepare_worker()
         clicks, mask, spent = Clicks(), np.zeros(self.truth.shape, bool), list[float]()
-        if self.model is not None:
+        if self.model is not None and proposes(_with_model(self.model)):
             mask = found(self.image, clicks, model=self.model)
         overlaps = [round(iou(mask, self.truth), 4)]
         while len(overlaps) <= MOST and not (overlaps[-1] >= LEVELS[-1] and len(overlaps) > AFTER[-1]):
@@ -108,8 +112,12 @@ def found(image: Picture, clicks: Clicks, box: Iterable[float] | None = None, mo
     if box is not None:
         left, top, right, bottom = map(float, box)
         init = replace(init, boxes=((left, top, right, bottom),))
-    edges = replace(params.edges, model=model)
-    return ffseg.segment(image, replace(params, init=init, edges=edges)).mask
+    return ffseg.segment(image, replace(_with_model(model), init=init)).mask
+
+
+def _with_model(model: str | None) -> Parameters:
+    params = load_params()
+    return replace(params, edges=replace(params.edges, model=model))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,12 +129,13 @@ class Lesson:
     path: str
 
     def learned(self) -> list[Task]:
-        """The others with the model, measured as by `ffseg pick`; without it where it is worse than none, as there."""
+        """The others with the model, measured as by `ffseg pick`; without it where it is of no use, as there."""
         prepare_worker()
         params = load_params()
         labelled = [LabelledImage(one.name, one.image, one.truth, params, None) for one in self.taught]
         model, figures = learn_and_measure(TrainingSet(labelled, [], {}), params, lambda _: None)
-        if figures.iou < figures.without:
+        *_, of_use = learn_summary(json.dumps(without_nan(asdict(figures))))
+        if not of_use:
             return self.others
         Path(self.path).write_bytes(to_bytes(model))
         return [replace(one, model=self.path) for one in self.others]

@@ -69,10 +69,10 @@ def test_learn_then_run(folder: Path, ffseg_command: Command) -> None:
 
 
 def test_the_ratio_is_that_of_which_the_mean_comes_out_and_of_none_that_of_the_unmeasured() -> None:
-    assert fitted_ratio([], []) == pytest.approx(MODEL_ODDS_RATIO)
-    promised, found = [0.9] * 400, [0.9] * 300 + [0.1] * 100
-    assert fitted_ratio(promised, found) == pytest.approx(9 / (0.7 / 0.3), rel=0.01)
-    assert fitted_ratio([1.0, 0.0], [0.0, 1.0]) > 0
+    assert fitted_ratio([]) == pytest.approx(MODEL_ODDS_RATIO)
+    pairs = [(0.9, 0.9)] * 300 + [(0.9, 0.1)] * 100
+    assert fitted_ratio(pairs) == pytest.approx(9 / (0.7 / 0.3), rel=0.01)
+    assert fitted_ratio([(1.0, 0.0), (0.0, 1.0)]) > 0
 
 
 def test_without_starts_the_model_finds_them(folder: Path) -> None:
@@ -80,7 +80,7 @@ def test_without_starts_the_model_finds_them(folder: Path) -> None:
     gathered = gather([str(folder / "in")], str(folder / "truth"), params)
     model, figures = learn_and_measure(gathered, params, lambda _: None)
     assert model.start is not None
-    assert figures.iou > 0.85
+    assert (figures.iou > 0.85, figures.met, figures.searched) == (True, 1, True)
     assert [number for number, _ in figures.curve] == [1, 2]
     assert min(value for _, value in figures.curve) > 0.7  # from starts drawn inside the masks
     (folder / "in" / "4.png").write_bytes(b"")
@@ -92,6 +92,25 @@ def test_without_starts_the_model_finds_them(folder: Path) -> None:
     assert unmeasured.order == tuple(name for name in figures.order if name != "4.png")
     assert unmeasured.helps is None
     assert sentences(unmeasured, "m.ffmodel")[0].endswith("was not measured: that takes longer, and no --quick")
+
+
+def test_a_model_that_finds_other_things_than_the_masks_show_keeps_no_start(folder: Path) -> None:
+    """Of many things alike it took another, and clicks had to undo that first."""
+    alike, params = [disc(x, 40, 14) for x in (22, 60, 98)], load_params(None, {"init.radius": 5})
+    for number, truth in enumerate(alike):
+        image = 110 + np.random.default_rng(number).integers(0, 9, (*SHAPE, 3), np.uint8)
+        image[np.logical_or.reduce(alike)] += np.array((60, 0, 0), np.uint8)
+        write_image(folder / "in" / f"{number}.png", image)
+        write_image(folder / "truth" / f"{number}.png", truth)
+    gathered = gather([str(folder / "in")], str(folder / "truth"), params)
+    model, figures = learn_and_measure(gathered, params, (said := []).append)
+    assert "most starts that the model finds lie outside the masks: measured from starts inside" in said
+    assert (model.start, figures.searched, model.about["searched"]) == (None, False, False)
+    assert (figures.met or 0) < learning.MIN_MET
+    assert min(figures.iou, figures.without) > 0.9, "from starts inside"
+    lines = sentences(figures, "a.ffmodel")
+    assert f"of the starts that it finds {figures.met:.0%} lie in the masks of images left out" in " ".join(lines)
+    assert not any("the model finds its own" in line for line in lines)
 
 
 def test_without_the_model_is_without_that_of_the_parameters_too(folder: Path) -> None:
@@ -107,9 +126,10 @@ def test_without_the_model_is_without_that_of_the_parameters_too(folder: Path) -
     (folder / "m.ffmodel").write_bytes(to_bytes(model))
     params = replace(params, edges=replace(params.edges, model=str(folder / "m.ffmodel")))
     named = gather([str(folder / "in")], str(folder / "truth"), params)
-    without = [learning._overlap(one, None) for one in plain.labelled]
+    without = [learning._contoured(one, one.params, None) for one in plain.labelled]
     assert [learning._contoured(one, one.params, None) for one in named.labelled] != without
-    assert [learning._overlap(one, None) for one in named.labelled] == without
+    bare = [replace(one, params=learning._without_model(one.params)) for one in named.labelled]
+    assert [learning._contoured(one, one.params, None) for one in bare] == without
     _, chosen = learning._sampled(plain, params, said.append)
     assert learning._curve(named.labelled, chosen) == learning._curve(plain.labelled, chosen)
 

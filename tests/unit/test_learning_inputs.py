@@ -115,7 +115,7 @@ def test_domains_starts_and_grounds_of_the_parameters_count(folder: Path) -> Non
     assert Bench(labelled).overlap(0, {}) > 0.95
     _, labelled = gathered(folder, {**start_at, "domain.mask": str(folder / "cut.png")})
     assert Bench(labelled).overlap(0, {}) == pytest.approx(0.5, abs=0.06)
-    assert learning._contoured(labelled[0], labelled[0].params, None)[0] == pytest.approx(0.5, abs=0.06)
+    assert learning._contoured(labelled[0], labelled[0].params, None).iou == pytest.approx(0.5, abs=0.06)
     _, labelled = gathered(folder, {**start_at, "init.background_mask": str(folder / "ground.png")})
     assert Bench(labelled).overlap(0, {}) < 0.9
     write_image(folder / "domains" / "0.png", rows < 30)

@@ -317,6 +317,16 @@ def test_what_a_model_that_has_gone_is_finding_is_not_kept(monkeypatch: pytest.M
     assert len(asked) == 2
 
 
+def test_only_a_model_that_finds_starts_proposes_a_region(tmp_path: Path) -> None:
+    scene, path = OpenImage(np.where(disc(LEFT), 200, 50).astype(np.uint8)), tmp_path / "a.ffmodel"
+    params = load_params(None, {"edges.model": str(path)})
+    for start, proposed in ((None, False), (stump("light@0.7", 150.0), True)):
+        path.write_bytes(to_bytes(Model(stump("light@0.7", 150.0), start)))
+        scene.forget()
+        assert scene.find(ImagePicks(), params, None).mask.any() == proposed
+        assert scene.find(ImagePicks(((*LEFT, 6),)), params, None).mask.any()
+
+
 def test_an_image_that_is_replaced_while_it_is_open_is_read_anew(tmp_path: Path) -> None:
     folder = draw(tmp_path / "in", ["a.png"])
     with session(folder, tmp_path / "out") as own:
@@ -600,6 +610,7 @@ def test_the_page_loads_nothing_from_elsewhere_and_names_are_data(server) -> Non
 
 FIGURES = {
     "masks": 3, "iou": 0.88, "without": 0.61, "curve": [[1, 0.8], [2, 0.84]], "more": 2, "order": ["c.png", "b.png", "x.png"],
+    "searched": True,
 }  # fmt: skip
 
 
@@ -708,6 +719,17 @@ def test_what_was_learned_is_used_where_it_helps_and_orders_the_images(tmp_path:
         assert own.news(0, 0)["lines"][1] == "nothing was learned: ffseg learn needs LightGBM; install ffseg[learn]"
         work._learned(0, json.dumps(FIGURES), "")  # of a model that is not there
         assert own.news(0, 0)["lines"][1].startswith("what was learned cannot be kept: ")
+
+
+@pytest.mark.parametrize("helps", [False, True])
+def test_what_finds_no_starts_is_used_where_it_helps(tmp_path: Path, started: Started, helps: bool) -> None:
+    with session(draw(tmp_path / "in", ["a.png", "b.png", "c.png"]), tmp_path / "out") as own:
+        accept(own, 0, 1)
+        Path(started[0][started[0].index("--out") + 1]).write_bytes(A_MODEL)
+        own._work[0]._learned(0, json.dumps(FIGURES | {"searched": False, "helps": helps}), "")
+        line, model = own.news(0, 0)["lines"][1], own.projects[0].params.edges.model
+        assert line.startswith("3 masks: .88 expected from a click in each; ")
+        assert ("it is not used" in line, model is None) == (not helps,) * 2
 
 
 def test_an_accepted_image_shows_the_mask_that_was_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

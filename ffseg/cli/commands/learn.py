@@ -80,6 +80,11 @@ def sentences(figures: CrossValidation, out: str) -> list[str]:
         lines.append(
             "where no start is named the model finds its own; without it the contour grows from the middle of the image"
         )
+    elif figures.met is not None:
+        lines.append(
+            f"of the starts that it finds {figures.met:.0%} lie in the masks of images left out: it is kept without, and "
+            "measured from starts inside; name them with --starts FILE"
+        )
     if figures.base is not None:
         lines.append(base_sentence(figures.base))
     if figures.prior is not None:
