@@ -91,6 +91,8 @@ class CrossValidation:
     met : float or None
         Share of the images left out in which the start that the model finds lies in the mask; None where that was not measured.
         Below `MIN_MET` the model is kept without, and all figures are of starts in the masks.
+    passed_over : tuple of str
+        Images with a mask that was not learned from, each with what is wrong.
     """
 
     masks: int
@@ -109,6 +111,7 @@ class CrossValidation:
     order: tuple[str, ...] = ()
     odds_ratio: float = MODEL_ODDS_RATIO
     met: float | None = None
+    passed_over: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,11 +158,11 @@ def learn_and_measure(
     )
     names = [one.name for one in gathered.labelled][:100]
     about = {"ffseg": __version__, "images": names, **without_nan(asdict(figures))}
-    return replace(model, about=about), replace(figures, order=order)
+    return replace(model, about=about), replace(figures, order=order, passed_over=gathered.passed_over)
 
 
 def _sampled(gathered: TrainingSet, params: Parameters, tell: Tell) -> tuple[TrainingSet, list[Samples]]:
-    """Samples of the images whose masks show enough of both sides, and those images."""
+    """Samples of the images whose masks show enough of both sides, and the set without the others."""
     labelled, chosen, refused = list[LabelledImage](), list[Samples](), list[UsageError]()
     for one in gathered.labelled:
         tell(f"looking at {printable(one.name)}")
@@ -168,10 +171,9 @@ def _sampled(gathered: TrainingSet, params: Parameters, tell: Tell) -> tuple[Tra
             labelled.append(one)
         except UsageError as error:
             refused.append(UsageError(f"{printable(one.name)}: {error}"))
-            tell(f"passed over {refused[-1]}")
     if not chosen:
         raise refused[0]
-    return replace(gathered, labelled=labelled), chosen
+    return replace(gathered, labelled=labelled, passed_over=(*gathered.passed_over, *map(str, refused))), chosen
 
 
 def _unmeasured(count: int) -> CrossValidation:

@@ -64,6 +64,7 @@ def learn(  # noqa: PLR0913 - the options of the command
     warn_of_passed_over(found.passed_over)
     warn_of_starts([one for one in found.labelled if one.start is not None])
     model, figures = learn_and_measure(found, params, progress(quiet=quiet), measured=not quick)
+    warn_of_passed_over(figures.passed_over[len(found.passed_over) :])  # what is too thin is seen then
     write_bytes_atomic(os.fspath(out), to_bytes(model))
     if as_json:
         console.data(json.dumps({"out": os.fspath(out), **without_nan(asdict(figures))}, indent=2))
