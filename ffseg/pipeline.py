@@ -64,7 +64,8 @@ def segment(scene: Scene) -> Segmentation:
         mask = rasterize(contours, shape)
     timings = _timings(scene, found, known - begin, end - begin)
     thresholds = found.scene.edges.thresholds
-    messages = (*lost, *fallback_messages(scene), *found.messages, *(one.message for one in doubts if one.message))
+    said = (*unfound_start(scene), *fallback_messages(scene), *found.messages)
+    messages = (*lost, *said, *(one.message for one in doubts if one.message))
     names, source = tuple(doubt.name for doubt in doubts), decided_by(scene)
     return Segmentation(mask, contours, found.outcome.stats, timings, messages, source, score, thresholds, names)
 
@@ -193,6 +194,17 @@ def decided_by(scene: Scene) -> str:
     """Name of the evidence source that decided."""
     source = source_of(scene) if not scene.edges_given else "given"
     return scene.edges.source or source if source in EDGE_SOURCES else source
+
+
+def unfound_start(scene: Scene) -> tuple[str, ...]:
+    """What to say where no start is named and a model that may find one does not."""
+    path, init = scene.params.edges.model, scene.params.init
+    named = (
+        init.center != "auto" or init.circles or init.boxes or scene.start_mask is not None or scene.center is not None
+    )
+    if named or path is None or not path.endswith(".ffmodel"):
+        return ()
+    return ("the model finds no start: the contour begins in the middle of the image",)
 
 
 def fallback_messages(scene: Scene) -> tuple[str, ...]:

@@ -125,6 +125,14 @@ def test_a_model_without_another_start_than_what_lies_outside_says_so(forest: st
         ffseg.segment(image, {"edges.model": forest}, background=disc(25, 30, 16).view(np.uint8))
 
 
+def test_a_contour_that_begins_in_the_middle_for_want_of_a_start_says_so(tmp_path: Path) -> None:
+    image, path = reddened(SMALL | LARGE), tmp_path / "a.ffmodel"
+    path.write_bytes(to_bytes(Model(stump("light@0.7", 50.0))))
+    said = "the model finds no start: the contour begins in the middle of the image"
+    for named in ({}, {"init.center": [25, 30]}, {"init.circles": [[25, 30, 4]]}, {"init.boxes": [[10, 10, 40, 50]]}):
+        assert (said in ffseg.segment(image, {"edges.model": str(path), **named}).messages) == (not named)
+
+
 def test_points_come_after_the_start_that_a_model_finds(forest: str) -> None:
     seeds = {"init.circles": [[25, 30, 4]], "init.background": [[60, 5, 3, 1], [60, 90]]}
     params = ffseg.load_params(None, {"edges.model": forest, **seeds})
