@@ -75,7 +75,7 @@ class CrossValidation:
     more : int
         How many more masks may each still raise the mean by ``MIN_WORTH``.
     following : str
-        The image to draw a mask of next; empty where all have one.
+        The image to draw a mask of next; empty where all have one, or nothing tells where to start.
     base : BaseChoice or None
         Whether the forest that comes with ffseg was corrected, and why.
     prior : PriorChoice or None
@@ -323,7 +323,7 @@ def _order(gathered: TrainingSet, model: Model, params: Parameters, tell: Tell) 
 
 
 def _doubt(source: InputImage, gathered: TrainingSet, model: Model, params: Parameters, tell: Tell) -> float:
-    """Uncertainty of an image; -1 with a message if it cannot be read."""
+    """Uncertainty of an image; -1 if nothing tells where to start, and with a message if it cannot be read."""
     try:
         image = read_source(source, levels=params.input.range)
     except ImageReadError as error:
@@ -332,6 +332,8 @@ def _doubt(source: InputImage, gathered: TrainingSet, model: Model, params: Para
     own = gathered.starts[source.name].placed(params, image.shape) if source.name in gathered.starts else params
     seen = model.appearance(image)
     _, start = _begun(model, seen, own, start_region(image.shape[:2], own, gathered.masks.start))
+    if start is None and model.start is None:
+        return -1.0
     if start is None or not start.any():
         return 1.0
     return uncertainty(model, seen, start)

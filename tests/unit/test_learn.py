@@ -106,6 +106,9 @@ def test_a_model_that_finds_other_things_than_the_masks_show_keeps_no_start(fold
     model, figures = learn_and_measure(gathered, params, (said := []).append)
     assert "most starts that the model finds lie outside the masks: measured from starts inside" in said
     assert (model.start, figures.searched, model.about["searched"]) == (None, False, False)
+    assert (len(gathered.others), figures.order, figures.following) == (2, (), ""), (
+        "from no start it is sure of nothing"
+    )
     assert (figures.met or 0) < learning.MIN_MET
     assert min(figures.iou, figures.without) > 0.9, "from starts inside"
     lines = sentences(figures, "a.ffmodel")
