@@ -203,9 +203,13 @@ def with_model_start(scene: Scene) -> Scene:
 
 
 def proposes(params: Parameters) -> bool:
-    """Whether a model finds where to start in an image of which nothing is known: a forest may, a network takes the middle."""
-    path = params.edges.model
-    return path is not None and (not path.endswith(FOREST_SUFFIX) or ready(path).start is not None)
+    """Whether a model tells of an image in which nothing was picked: where all images start, or a forest finds a start.
+
+    A network takes the middle of the image.
+    """
+    path, init = params.edges.model, params.init
+    named = init.center != "auto" or init.mask is not None
+    return path is not None and (named or not path.endswith(FOREST_SUFFIX) or ready(path).start is not None)
 
 
 def model_start(

@@ -10,7 +10,7 @@ from statistics import mean, pstdev, stdev
 import numpy as np
 
 from ffseg import __version__
-from ffseg.arrays import Mask, Plane
+from ffseg.arrays import Image, Mask, Plane
 from ffseg.batch.plan.sources import InputImage
 from ffseg.batch.workers.pictures import read_source
 from ffseg.errors import ImageReadError, SegmentationError, UsageError
@@ -25,7 +25,7 @@ from ffseg.io.tables import counted, without_nan
 from ffseg.learning.examples import Example, Samples, samples, starts_in
 from ffseg.learning.gather import LabelledImage, TrainingSet, known_share, start_region
 from ffseg.learning.training import BaseChoice, PriorChoice, folds, grown, learn
-from ffseg.metrics import INSIDE, iou
+from ffseg.metrics import IGNORED, INSIDE, iou
 from ffseg.parameters import Parameters
 from ffseg.pipeline import segment
 from ffseg.scene import Scene
@@ -123,7 +123,7 @@ class LeftOut:
     promised : float or None
         Overlap that the model promises of it, if it has decided and nothing else is doubted.
     met : bool or None
-        Whether the start that the model finds lies in the mask; None where it was not asked for one.
+        Whether the start that the model finds lies in the mask; None where it was not asked for one, or the mask does not tell.
     """
 
     iou: float
@@ -235,9 +235,15 @@ def _left_out(one: LabelledImage, model: Model) -> LeftOut:
     seen = model.appearance(one.image)
     params, start = _begun(model, seen, _without_model(one.params), one.start)
     found = _contoured(one, params, None if start is None else model_odds(model, seen, start))
-    if one.start is not None:
-        return found
-    return replace(found, met=start is not None and bool(np.mean(one.truth[start] == INSIDE) > 0.5))
+    return found if one.start is not None else replace(found, met=_met(start, one.truth))
+
+
+def _met(start: Mask | None, truth: Image) -> bool | None:
+    """Whether a start lies in a mask for the most part; None where the mask knows nothing of it."""
+    if start is None:
+        return False
+    levels = truth[start & (truth != IGNORED)]
+    return bool(np.mean(levels == INSIDE) > 0.5) if levels.size else None
 
 
 def _begun(model: Model, image: Appearance, params: Parameters, start: Mask | None) -> tuple[Parameters, Mask | None]:

@@ -80,12 +80,13 @@ def learn_summary(document: str) -> tuple[str, list[str], bool]:
     iou, without = found["iou"], found["without"]
     if iou is None or without is None:
         return f"learned from {found['masks']} masks, now measured on each left out", found.get("order") or [], True
-    where = "on the rest" if found["searched"] else "from a click in each"
+    startless = found.get("met") is not None and not found["searched"]
+    where = "from a click in each" if startless else "on the rest"
     line = f"{found['masks']} masks: {_short(iou)} expected {where}"
     more = found["more"]
     line += f"; {_gain(found['curve'])}" if more else "; more masks will hardly raise it"
     # what finds starts spares a click in each image, and a run that begins in the middle; else all depends on what it adds
-    return line, found.get("order") or [], iou >= without if found["searched"] else found["helps"] is True
+    return line, found.get("order") or [], found["helps"] is True if startless else iou >= without
 
 
 def _gain(curve: Sequence[Sequence[float]]) -> str:

@@ -16,6 +16,7 @@ from ffseg.learning.examples import Example, samples
 from ffseg.learning.gather import gather
 from ffseg.learning.learn import CrossValidation, _worth_drawing, fitted_ratio, learn_and_measure
 from ffseg.learning.training import BaseChoice, PriorChoice, grown
+from ffseg.metrics import IGNORED, INSIDE
 from ffseg.parameters import load_params
 from tests.discs import disc_of
 from tests.masks import write_image
@@ -114,6 +115,14 @@ def test_a_model_that_finds_other_things_than_the_masks_show_keeps_no_start(fold
     lines = sentences(figures, "a.ffmodel")
     assert f"of the starts that it finds {figures.met:.0%} lie in the masks of images left out" in " ".join(lines)
     assert not any("the model finds its own" in line for line in lines)
+
+
+def test_scribbles_do_not_tell_that_a_start_lies_outside() -> None:
+    truth = np.full(SHAPE, IGNORED, np.uint8)
+    truth[:, 60:] = INSIDE
+    truth[:, 90:] = 0
+    starts = None, disc(30, 40, 9), disc(60, 40, 9), disc(92, 40, 9)
+    assert [learning._met(start, truth) for start in starts] == [False, None, True, False]
 
 
 def test_without_the_model_is_without_that_of_the_parameters_too(folder: Path) -> None:

@@ -320,10 +320,12 @@ def test_what_a_model_that_has_gone_is_finding_is_not_kept(monkeypatch: pytest.M
 def test_only_a_model_that_finds_starts_proposes_a_region(tmp_path: Path) -> None:
     scene, path = OpenImage(np.where(disc(LEFT), 200, 50).astype(np.uint8)), tmp_path / "a.ffmodel"
     params = load_params(None, {"edges.model": str(path)})
+    placed = load_params(None, {"edges.model": str(path), "init.center": list(LEFT)})
     for start, proposed in ((None, False), (stump("light@0.7", 150.0), True)):
         path.write_bytes(to_bytes(Model(stump("light@0.7", 150.0), start)))
         scene.forget()
         assert scene.find(ImagePicks(), params, None).mask.any() == proposed
+        assert scene.find(ImagePicks(), placed, None).mask.any(), "it is said where all images start"
         assert scene.find(ImagePicks(((*LEFT, 6),)), params, None).mask.any()
 
 
@@ -726,7 +728,7 @@ def test_what_finds_no_starts_is_used_where_it_helps(tmp_path: Path, started: St
     with session(draw(tmp_path / "in", ["a.png", "b.png", "c.png"]), tmp_path / "out") as own:
         accept(own, 0, 1)
         Path(started[0][started[0].index("--out") + 1]).write_bytes(A_MODEL)
-        own._work[0]._learned(0, json.dumps(FIGURES | {"searched": False, "helps": helps}), "")
+        own._work[0]._learned(0, json.dumps(FIGURES | {"searched": False, "met": 0.2, "helps": helps}), "")
         line, model = own.news(0, 0)["lines"][1], own.projects[0].params.edges.model
         assert line.startswith("3 masks: .88 expected from a click in each; ")
         assert ("it is not used" in line, model is None) == (not helps,) * 2
