@@ -9,6 +9,7 @@ import sys
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, suppress
+from typing import Any
 
 from ffseg.errors import FfsegError, ImageReadError, ParameterError
 from ffseg.evidence.source import ready
@@ -80,13 +81,17 @@ def learn_summary(document: str) -> tuple[str, list[str], bool]:
     iou, without = found["iou"], found["without"]
     if iou is None or without is None:
         return f"learned from {found['masks']} masks, now measured on each left out", found.get("order") or [], True
-    startless = found.get("met") is not None and not found["searched"]
-    where = "from a click in each" if startless else "on the rest"
+    where = "from a click in each" if _startless(found) else "on the rest"
     line = f"{found['masks']} masks: {_short(iou)} expected {where}"
     more = found["more"]
     line += f"; {_gain(found['curve'])}" if more else "; more masks will hardly raise it"
     # what finds starts spares a click in each image, and a run that begins in the middle; else all depends on what it adds
-    return line, found.get("order") or [], found["helps"] is True if startless else iou >= without
+    return line, found.get("order") or [], found["helps"] is True if _startless(found) else iou >= without
+
+
+def _startless(found: dict[str, Any]) -> bool:
+    """Whether a model was kept without starts, as those that it found mostly lay elsewhere."""
+    return found.get("met") is not None and not found["searched"]
 
 
 def _gain(curve: Sequence[Sequence[float]]) -> str:
@@ -108,7 +113,7 @@ class Work:
     """What runs behind one class: learning after each mask, and the run of the folder.
 
     A model is used as soon as it is grown, and measured on images left out afterwards; one that is found worse than
-    none is taken away again.
+    none is taken away again. Where the last was, or found no starts, the next is used when it is measured.
 
     Parameters
     ----------
@@ -133,6 +138,7 @@ class Work:
         self.line, self.ran, self.order, self.generation = "", "", list[str](), 0
         self._forget, self._changing, self._spared, self._measuring = forget, changing, False, False
         self._of: list[object] = []  # what is being learned from
+        self._trusted = True  # models before they are measured
         self._learning, self._running = Background(self._learned), Background(self._ran)
 
     @property
@@ -187,7 +193,10 @@ class Work:
     def _say(self, figures: str) -> tuple[bool, bool]:
         self.line, self.order, of_use = learn_summary(figures)
         self.line += "" if of_use else "; it is not used"
-        return of_use, json.loads(figures)["iou"] is not None
+        found = json.loads(figures)
+        measured = found["iou"] is not None
+        self._trusted = of_use and not _startless(found) if measured else self._trusted
+        return of_use, measured
 
     def _start(self, *, measuring: bool) -> None:
         self._measuring = measuring
@@ -205,8 +214,9 @@ class Work:
         if code:
             self.line = f"nothing was learned: {last_line(err)}"
             return
-        of_use, _measured = self._say(out)
-        self._use(learned=of_use)
+        of_use, measured = self._say(out)
+        if measured or self._trusted:
+            self._use(learned=of_use)
         kept = json.dumps({"of": self._of, "figures": out})
         write_bytes_atomic(self.project.path(LEARNED), kept.encode("ascii"))
         if self.project.learned_from() != self._of:

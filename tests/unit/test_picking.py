@@ -732,6 +732,10 @@ def test_what_finds_no_starts_is_used_where_it_helps(tmp_path: Path, started: St
         line, model = own.news(0, 0)["lines"][1], own.projects[0].params.edges.model
         assert line.startswith("3 masks: .88 expected from a click in each; ")
         assert ("it is not used" in line, model is None) == (not helps,) * 2
+        (tmp_path / "out" / "learning.ffmodel").write_bytes(to_bytes(Model(stump("likeness", 1.0))))
+        own._work[0]._learned(0, json.dumps(FIGURES | {"iou": None, "without": None, "curve": []}), "")
+        assert own.projects[0].params.edges.model == model, "the next is used when it is measured"
+        assert model is None or Path(model).read_bytes() == A_MODEL
 
 
 def test_an_accepted_image_shows_the_mask_that_was_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
