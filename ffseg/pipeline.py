@@ -198,11 +198,15 @@ def decided_by(scene: Scene) -> str:
 
 def unfound_start(scene: Scene) -> tuple[str, ...]:
     """What to say where no start is named and a model that may find one does not."""
-    path, init = scene.params.edges.model, scene.params.init
+    init = scene.params.init
     named = (
         init.center != "auto" or init.circles or init.boxes or scene.start_mask is not None or scene.center is not None
     )
-    if named or path is None or not path.endswith(".ffmodel"):
+    if named or scene.params.edges.model is None:
+        return ()
+    from ffseg.io.starts import finds_starts
+
+    if not finds_starts(scene.params):
         return ()
     return ("the model finds no start: the contour begins in the middle of the image",)
 

@@ -107,12 +107,12 @@ class Task:
 
 
 def found(image: Picture, clicks: Clicks, box: Iterable[float] | None = None, model: str | None = None) -> Mask:
-    params = load_params()
+    params = _with_model(model)
     init = replace(params.init, circles=clicks.inside, background=clicks.outside)
     if box is not None:
         left, top, right, bottom = map(float, box)
         init = replace(init, boxes=((left, top, right, bottom),))
-    return ffseg.segment(image, replace(_with_model(model), init=init)).mask
+    return ffseg.segment(image, replace(params, init=init)).mask
 
 
 def _with_model(model: str | None) -> Parameters:

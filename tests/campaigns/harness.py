@@ -52,7 +52,7 @@ class Ended:
 
 
 def command(*arguments: str | os.PathLike[str]) -> list[str]:
-    return [sys.executable, "-m", "ffseg", *(str(argument) for argument in arguments)]
+    return [sys.executable, "-m", "ffseg", *map(str, arguments)]
 
 
 def milliseconds(work: Callable[[], object]) -> float:
