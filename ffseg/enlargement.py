@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import pi, sqrt
+from math import ceil, pi, sqrt
 from typing import cast
 
 import numpy as np
@@ -12,6 +12,7 @@ from ffseg.arrays import Image
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.magnified import magnification
 from ffseg.image.resized import resized
+from ffseg.io.masks import Masks
 from ffseg.parameters import MIN_START_RADIUS, Init, Parameters, Seed
 from ffseg.scene import Scene
 
@@ -33,35 +34,53 @@ def before_enlargement(scene: Scene) -> Scene:
     return scene if factor == 1 else _reduced(scene, factor, image)
 
 
+HALF_SET = 128
+"""Mean of a mask's pixels, 0 or 255, from which on half of them are set."""
+
+
 def enlarged(contours: tuple[FreeForm, ...], factor: int) -> tuple[FreeForm, ...]:
     """Contours at the size of the enlargement."""
     return tuple(one.affine(factor * np.eye(2), ((factor - 1) / 2,) * 2) for one in contours)
 
 
 def _reduced(scene: Scene, factor: int, image: Image) -> Scene:
-    region, callback = scene.params.region, scene.callback
-    few = replace(region, min_area=-(-region.min_area // factor**2), fill_holes=-(-region.fill_holes // factor**2))
-    domain, start_mask, background = (
-        None if mask is None else np.where(resized(mask, image.shape[:2]) >= least, np.uint8(255), np.uint8(0))
-        for mask, least in ((scene.domain, 128), (scene.start_mask, 128), (scene.background, 1))
-    )
+    callback, bounds = scene.callback, Masks(scene.domain, scene.start_mask, scene.background)
     return replace(
         scene,
         image=image,
         factor=factor,
-        params=replace(scene.params, init=_placed(scene.params.init, factor), region=few),
+        params=smaller(scene.params, factor),
         starts=tuple(one.affine(np.eye(2) / factor, (_small(0, factor),) * 2) for one in scene.starts),
-        domain=domain,
-        start_mask=start_mask,
-        background=background,
+        **smaller_masks(bounds, (image.shape[0], image.shape[1])).bounds,
         center=None if scene.center is None else _point(scene.center, factor),
         robot=scene.robot / factor,
         callback=callback and (lambda now: callback(replace(now, contours=enlarged(now.contours, factor)))),
     )
 
 
-def _placed(init: Init, factor: int) -> Init:
-    """Start contours at the size of the original."""
+def smaller(params: Parameters, factor: float) -> Parameters:
+    """The parameters for a copy of a picture of which one pixel stands for `factor` a side: starts, clearance and areas.
+
+    Other lengths are as they are in a picture of that size.
+    """
+    if factor == 1:
+        return params
+    contour, region = params.contour, params.region
+    few = replace(region, min_area=ceil(region.min_area / factor**2), fill_holes=ceil(region.fill_holes / factor**2))
+    contour = replace(contour, clearance=contour.clearance / factor)
+    return replace(params, init=_placed(params.init, factor), contour=contour, region=few)
+
+
+def smaller_masks(masks: Masks, shape: tuple[int, int]) -> Masks:
+    """The masks of a picture in its copy of this shape: pixels half of which are set, of the background any part."""
+
+    def seen(mask: Image | None, least: int) -> Image | None:
+        return None if mask is None else np.where(resized(mask, shape) >= least, np.uint8(255), np.uint8(0))
+
+    return Masks(seen(masks.domain, HALF_SET), seen(masks.start, HALF_SET), seen(masks.background, 1))
+
+
+def _placed(init: Init, factor: float) -> Init:
     return replace(
         init,
         center="auto" if init.center == "auto" else _point(init.center, factor),

@@ -107,8 +107,8 @@ def samples(example: Example) -> Samples:
     if inside.all() or not inside.any():
         side, level = ("outside", OUTSIDE) if inside.any() else ("inside", INSIDE)
         if (example.truth == level).any():
-            small, size = image.factor > 1, f"{example.image.shape[1]}x{example.image.shape[0]}"
-            why = f": an image of {size} pixels is seen at {WORKING_SIZE}; cut it out" if small else "; draw more of it"
+            small = f": the image is seen at {WORKING_SIZE} pixels a side; cut it out"
+            why = small if image.factor > 1 else "; draw more of it"
             raise UsageError(f"what the mask knows {side} is too small or thin{why}, or leave it out")
         raise UsageError(unknown_side(side))
     return Samples(np.concatenate(rows), inside, np.concatenate(odds))

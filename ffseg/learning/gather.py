@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import mean
 
 import numpy as np
@@ -14,9 +14,12 @@ from ffseg.batch.plan.beside import find_domains, find_truths
 from ffseg.batch.plan.discover import discover
 from ffseg.batch.plan.sources import InputImage
 from ffseg.batch.workers.pictures import read_source, read_truth
+from ffseg.enlargement import smaller, smaller_masks
 from ffseg.errors import ImageReadError, SegmentationError, UsageError
+from ffseg.image.appearance import reduced_shape, reduction
 from ffseg.image.checked import require_size
 from ffseg.image.raster import rasterize
+from ffseg.image.resized import resized
 from ffseg.io.files import printable
 from ffseg.io.images import prepare_worker
 from ffseg.io.masks import NO_MASKS, Masks, named_masks
@@ -26,13 +29,17 @@ from ffseg.metrics import IGNORED, INSIDE, OUTSIDE
 from ffseg.parameters import Parameters
 from ffseg.starts.initial import start_contours
 
+MAX_SIDE = 2000
+"""Pixels of the longer side of what is learned from, at most: a photograph from a camera is seen at a fifth of that
+(`WORKING_SIZE`), and takes nine times the room and the time of its copy to be measured on."""
+
 MAX_NAMED = 4
 """Images that a message names."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LabelledImage:
-    """An image with its mask.
+    """An image with its mask, or a copy of both.
 
     Attributes
     ----------
@@ -47,6 +54,8 @@ class LabelledImage:
         Where the contour may go, start and may not be, as far as the parameters say.
     fixed : frozenset of str
         Keys of the parameters that the image's row of the starts file sets.
+    factor : int
+        Pixels of the image a side that are one of the copy.
     """
 
     name: str
@@ -56,6 +65,7 @@ class LabelledImage:
     start: Mask | None
     masks: Masks = NO_MASKS
     fixed: frozenset[str] = frozenset()
+    factor: int = 1
 
 
 SIDES = {"inside": INSIDE, "outside": OUTSIDE}
@@ -86,9 +96,15 @@ class TrainingSet:
 
 
 def gather(
-    inputs: Sequence[str], truth: str, params: Parameters, starts: str = "", label: int | None = None
+    inputs: Sequence[str],
+    truth: str,
+    params: Parameters,
+    starts: str = "",
+    label: int | None = None,
+    *,
+    longest: int | None = None,
 ) -> TrainingSet:
-    """Read the images that have a mask.
+    """Read the images that have a mask; of those with a longer side of more than `longest` pixels, if given, a copy is kept.
 
     Raises
     ------
@@ -111,7 +127,8 @@ def gather(
     for source in chosen:
         own = masks.within(domains.get(source.name, ""))
         try:
-            labelled.append(_read(source, truths[source.name], params, own, label, known.get(source.name)))
+            one = _read(source, truths[source.name], params, own, label, known.get(source.name))
+            labelled.append(one if longest is None else reduced(one, longest))
         except UsageError as error:
             refused.append(error)
     if refused and not labelled:
@@ -149,6 +166,28 @@ def _read(
     return LabelledImage(
         source.name, image, levels, params, begun, masks, frozenset() if start is None else start.fixed
     )
+
+
+def reduced(one: LabelledImage, longest: int) -> LabelledImage:
+    """A copy with a longer side of at most so many pixels, or the image itself.
+
+    A pixel of the copy is known if any of its pixels is, and lies on the side that most of these lie on.
+    """
+    image, factor = copy_of(one.image, longest)
+    if factor == 1:
+        return one
+    shape = (image.shape[0], image.shape[1])
+    inside, outside = (resized((one.truth == level).astype(np.float32), shape) for level in (INSIDE, OUTSIDE))
+    truth = np.where(inside + outside <= 0, IGNORED, np.where(inside >= outside, INSIDE, OUTSIDE)).astype(np.uint8)
+    params, masks = smaller(one.params, factor), smaller_masks(one.masks, shape)
+    start = start_region(shape, params, masks.start)
+    return replace(one, image=image, truth=truth, params=params, start=start, masks=masks, factor=factor)
+
+
+def copy_of(image: Image, longest: int) -> tuple[Image, int]:
+    """The image with a longer side of at most so many pixels, and how many of its own a side are one of these."""
+    factor = reduction(image.shape, longest)
+    return image if factor == 1 else resized(image, reduced_shape(image.shape, factor)), factor
 
 
 def start_region(shape: tuple[int, ...], params: Parameters, mask: Image | None = None) -> Mask | None:

@@ -13,6 +13,7 @@ from ffseg import __version__
 from ffseg.arrays import Image, Mask, Plane
 from ffseg.batch.plan.sources import InputImage
 from ffseg.batch.workers.pictures import read_source
+from ffseg.enlargement import smaller, smaller_masks
 from ffseg.errors import ImageReadError, SegmentationError, UsageError
 from ffseg.evidence.features import features
 from ffseg.evidence.forest import MODEL_ODDS_RATIO, UNMEASURED, Model
@@ -23,7 +24,7 @@ from ffseg.image.edges import PRIOR_CALIBRATION, ScoreCalibration
 from ffseg.io.files import printable
 from ffseg.io.tables import counted, without_nan
 from ffseg.learning.examples import Example, Samples, samples, starts_in
-from ffseg.learning.gather import LabelledImage, TrainingSet, known_share, start_region
+from ffseg.learning.gather import MAX_SIDE, LabelledImage, TrainingSet, copy_of, known_share, start_region
 from ffseg.learning.training import BaseChoice, PriorChoice, folds, grown, learn
 from ffseg.metrics import IGNORED, INSIDE, iou
 from ffseg.parameters import Parameters
@@ -167,7 +168,8 @@ def _sampled(gathered: TrainingSet, params: Parameters, tell: Tell) -> tuple[Tra
     for one in gathered.labelled:
         tell(f"looking at {printable(one.name)}")
         try:
-            chosen.append(samples(Example(one.image, one.truth, one.start, params.init.radius_in(one.image.shape))))
+            radius = smaller(params, one.factor).init.radius_in(one.image.shape)
+            chosen.append(samples(Example(one.image, one.truth, one.start, radius)))
             labelled.append(one)
         except UsageError as error:
             refused.append(UsageError(f"{printable(one.name)}: {error}"))
@@ -336,8 +338,11 @@ def _doubt(source: InputImage, gathered: TrainingSet, model: Model, params: Para
         tell(f"passed over: {error}")
         return -1.0
     own = gathered.starts[source.name].placed(params, image.shape) if source.name in gathered.starts else params
+    image, factor = copy_of(image, MAX_SIDE)
+    own, shape = smaller(own, factor), (image.shape[0], image.shape[1])
+    masks = gathered.masks if factor == 1 else smaller_masks(gathered.masks, shape)
     seen = model.appearance(image)
-    _, start = _begun(model, seen, own, start_region(image.shape[:2], own, gathered.masks.start))
+    _, start = _begun(model, seen, own, start_region(shape, own, masks.start))
     if start is None and model.start is None:
         return -1.0
     if start is None or not start.any():

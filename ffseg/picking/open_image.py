@@ -10,7 +10,7 @@ from typing import cast
 import numpy as np
 
 from ffseg.arrays import Image, Mask
-from ffseg.enlargement import scaled_seed
+from ffseg.enlargement import scaled_seed, smaller
 from ffseg.errors import FfsegError
 from ffseg.evidence.source import proposes
 from ffseg.geometry.freeform import FreeForm
@@ -219,9 +219,7 @@ class OpenImage:
             return empty
         start = replace(picked.start or Start(), found=params.edges.model is not None)
         try:
-            own = scaled(start, factor).placed(params, shape)
-            if factor != 1 and own.contour.clearance > 0:
-                own = replace(own, contour=replace(own.contour, clearance=own.contour.clearance / factor))
+            own = smaller(start.placed(params, self.shape), factor)
             result = segment(Scene(image, own, draft=draft, **self._bounds(shape)))
         except FfsegError as error:
             wrong = error if factor == 1 else self._wrong_start(start, params) or error
@@ -241,24 +239,3 @@ class OpenImage:
 def _reduced(image: Image, longest: int) -> Image:
     """A copy in colour whose longer side has so many pixels."""
     return scaled_down(image, round(image.shape[1] * longest / max(image.shape[:2])))[0]
-
-
-def scaled(start: Start, factor: float) -> Start:
-    """A start in a copy of which one pixel stands for so many of the image; the clearance is the caller's."""
-    if factor == 1:
-        return start
-
-    def at(value: float) -> float:
-        return (value + 0.5) / factor - 0.5
-
-    circles = [
-        Start(at(c.x), at(c.y), None if c.radius is None else c.radius / factor)
-        for c in start.circles
-        if c.x is not None and c.y is not None
-    ]
-    first = circles[0] if circles else Start()
-    background = tuple(scaled_seed(seed, factor) for seed in start.background)
-    boxes = tuple((at(a), at(b), at(c), at(d)) for a, b, c, d in start.boxes)
-    return replace(
-        start, x=first.x, y=first.y, radius=first.radius, others=tuple(circles[1:]), background=background, boxes=boxes
-    )

@@ -157,7 +157,7 @@ def test_mixed_and_unknown_pixels_are_no_samples() -> None:
 def test_what_is_too_small_to_be_seen_is_not_said_to_be_missing() -> None:
     image, truth = np.zeros((90, 1600), np.uint8), np.zeros((90, 1600), np.uint8)
     truth[40:43, 801] = 255
-    said = "knows inside is too small or thin: an image of 1600x90 pixels is seen at 400;"
+    said = "knows inside is too small or thin: the image is seen at 400 pixels a side; cut it out"
     with pytest.raises(UsageError, match=said):
         samples(Example(image, truth, None, 4.0))
 

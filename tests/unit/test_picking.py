@@ -530,6 +530,18 @@ def test_a_reduced_copy_tells_nearly_the_same() -> None:
     assert overlap(np.kron(quick.mask, np.ones((5, 5), np.bool_)), whole.mask) > 0.98
 
 
+def test_areas_in_a_reduced_copy_are_those_of_the_image() -> None:
+    """Holes of up to 2000 pixels of the copy were filled while the hand moved: 50,000 of the image."""
+    y, x = np.mgrid[:1500, :2000]
+    rings = np.hypot(x - 900, y - 700)
+    image = np.where((rings < 400) & (rings > 100), 190, 60).astype(np.uint8)
+    scene, params = OpenImage(image), load_params(None, {"region.fill_holes": 2000})
+    one = ImagePicks(((1100.0, 690.0, 20.0),))
+    for quick in (True, False):
+        found = scene.find(one, params, None, quick=quick)
+        assert not found.mask[round(700 / found.factor), round(900 / found.factor)]
+
+
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory):
     folder = tmp_path_factory.mktemp("served")

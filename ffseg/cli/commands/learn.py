@@ -54,13 +54,14 @@ def learn(  # noqa: PLR0913 - the options of the command
     params = ready_params(config, settings)
     from ffseg.evidence.forest import to_bytes
     from ffseg.io.files import write_bytes_atomic
-    from ffseg.learning.gather import gather
+    from ffseg.learning.gather import MAX_SIDE, gather
     from ffseg.learning.learn import learn_and_measure
     from ffseg.learning.training import LIGHTGBM
     from ffseg.plugins import require
 
     require(*LIGHTGBM)
-    found = gather(inputs, os.fspath(truth), params, options.starts_file(starts, params), truth_label)
+    file = options.starts_file(starts, params)
+    found = gather(inputs, os.fspath(truth), params, file, truth_label, longest=MAX_SIDE)
     warn_of_passed_over(found.passed_over)
     warn_of_starts([one for one in found.labelled if one.start is not None])
     model, figures = learn_and_measure(found, params, progress(quiet=quiet), measured=not quick)
