@@ -53,8 +53,8 @@ MIN_MET = 0.5
 """Part of the starts that a model finds which have to lie in the masks, as in kinds with many things alike they do not: each
 that lies elsewhere costs a click more than none does."""
 
-MAX_UNMARKED = 200
-"""Images without a mask that are looked at to name the next."""
+MAX_UNMARKED, FEW_UNMARKED = 200, 20
+"""Images without a mask that are looked at to name the next, and those of them that a model which is not measured waits for."""
 
 Tell = Callable[[str], None]
 
@@ -148,7 +148,7 @@ def learn_and_measure(
     figures = _figures(gathered.labelled, chosen, tell) if measured else _unmeasured(len(chosen))
     met = figures.met is None or figures.met >= MIN_MET
     model = model if met else replace(model, start=None)
-    order = _order(gathered, model, params, tell)
+    order = _order(gathered, model, params, tell, MAX_UNMARKED if measured else FEW_UNMARKED)
     figures = replace(
         figures,
         following=order[0] if order else "",
@@ -321,9 +321,10 @@ def _worth_drawing(curve: Sequence[tuple[int, float]], count: int) -> int:
     return last - count
 
 
-def _order(gathered: TrainingSet, model: Model, params: Parameters, tell: Tell) -> tuple[str, ...]:
-    """Images without a mask, at most ``MAX_UNMARKED``, in order of falling uncertainty of the model."""
-    doubts = {one.name: _doubt(one, gathered, model, params, tell) for one in gathered.others[:MAX_UNMARKED]}
+def _order(gathered: TrainingSet, model: Model, params: Parameters, tell: Tell, most: int) -> tuple[str, ...]:
+    """Images without a mask, at most so many, spread over the first ``MAX_UNMARKED``, in order of falling uncertainty."""
+    first = gathered.others[:MAX_UNMARKED]
+    doubts = {one.name: _doubt(one, gathered, model, params, tell) for one in first[:: -(-len(first) // most) or 1]}
     order = tuple(sorted((name for name, doubt in doubts.items() if doubt >= 0), key=doubts.__getitem__, reverse=True))
     if order:
         tell(f"least sure of {printable(order[0])}")

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -115,6 +116,19 @@ def test_a_model_that_finds_other_things_than_the_masks_show_keeps_no_start(fold
     lines = sentences(figures, "a.ffmodel")
     assert f"of the starts that it finds {figures.met:.0%} lie in the masks of images left out" in " ".join(lines)
     assert not any("the model finds its own" in line for line in lines)
+
+
+@pytest.mark.parametrize(("measured", "most"), [(True, 200), (False, 20)])
+def test_a_model_that_is_not_measured_waits_for_few_images(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, measured: bool, most: int
+) -> None:
+    """After two clicks in 200 images `ffseg pick` had its first model after 15 s, 11 of them for naming the next image."""
+    params = load_params()
+    gathered = gather([str(folder / "in")], str(folder / "truth"), params)
+    others, looked = [SimpleNamespace(name=str(n)) for n in range(230)], list[object]()
+    monkeypatch.setattr(learning, "_doubt", lambda one, *_: looked.append(one) or 0.5)
+    learn_and_measure(replace(gathered, others=others), params, lambda _: None, measured=measured)
+    assert looked == others[: 200 : 200 // most]
 
 
 def test_scribbles_do_not_tell_that_a_start_lies_outside() -> None:
