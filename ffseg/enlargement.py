@@ -72,12 +72,16 @@ def smaller(params: Parameters, factor: float) -> Parameters:
 
 
 def smaller_masks(masks: Masks, shape: tuple[int, int]) -> Masks:
-    """The masks of a picture in its copy of this shape: pixels half of which are set, of the background any part."""
+    """The masks of a picture in its copy of this shape; of the background, pixels of which any part is set."""
+    domain, start = (None if one is None else smaller_mask(one, shape) for one in (masks.domain, masks.start))
+    return Masks(domain, start, None if masks.background is None else smaller_mask(masks.background, shape, 1))
 
-    def seen(mask: Image | None, least: int) -> Image | None:
-        return None if mask is None else np.where(resized(mask, shape) >= least, np.uint8(255), np.uint8(0))
 
-    return Masks(seen(masks.domain, HALF_SET), seen(masks.start, HALF_SET), seen(masks.background, 1))
+def smaller_mask(mask: Image, shape: tuple[int, int], least: float = HALF_SET) -> Image:
+    """Pixels of which half of a mask of 0 and 255 is set or, if there are none, any part."""
+    means = resized(mask, shape)
+    least = least if (means >= least).any() else 1
+    return np.where(means >= least, np.uint8(255), np.uint8(0))
 
 
 def _placed(init: Init, factor: float) -> Init:

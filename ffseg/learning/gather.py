@@ -14,7 +14,7 @@ from ffseg.batch.plan.beside import find_domains, find_truths
 from ffseg.batch.plan.discover import discover
 from ffseg.batch.plan.sources import InputImage
 from ffseg.batch.workers.pictures import read_source, read_truth
-from ffseg.enlargement import smaller, smaller_masks
+from ffseg.enlargement import smaller, smaller_mask, smaller_masks
 from ffseg.errors import ImageReadError, SegmentationError, UsageError
 from ffseg.image.appearance import reduced_shape, reduction
 from ffseg.image.checked import require_size
@@ -180,7 +180,7 @@ def reduced(one: LabelledImage, longest: int) -> LabelledImage:
     inside, outside = (resized((one.truth == level).astype(np.float32), shape) for level in (INSIDE, OUTSIDE))
     truth = np.where(inside + outside <= 0, IGNORED, np.where(inside >= outside, INSIDE, OUTSIDE)).astype(np.uint8)
     params, masks = smaller(one.params, factor), smaller_masks(one.masks, shape)
-    start = start_region(shape, params, masks.start)
+    start = None if one.start is None else smaller_mask(one.start.view(np.uint8) * np.uint8(255), shape) > 0
     return replace(one, image=image, truth=truth, params=params, start=start, masks=masks, factor=factor)
 
 

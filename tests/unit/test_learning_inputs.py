@@ -203,6 +203,7 @@ def test_photographs_from_cameras_are_learned_from_as_copies(tmp_path: Path) -> 
     assert (init.center, init.radius, init.background) == ((22.25, 14.75), 3.0, ((42.25, 2.25, 1.5, 1),))
     assert (copy.params.contour.clearance, copy.params.region.min_area) == (3.0, 3)
     assert np.argwhere(copy.start).mean(axis=0) == pytest.approx([14.75, 22.25], abs=0.3)
+    assert found(2).start.tolist() == [[True] * 2] * 2, "no pixel lies half in it"
 
 
 def test_what_a_starts_file_sets_stays_whatever_is_tried(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
