@@ -94,6 +94,8 @@ class CrossValidation:
         Below `MIN_MET` the model is kept without, and all figures are of starts in the masks.
     passed_over : tuple of str
         Images with a mask that was not learned from, each with what is wrong.
+    copies : int
+        Images that were learned from, and measured on, as copies of at most `MAX_SIDE` pixels a side.
     """
 
     masks: int
@@ -113,6 +115,7 @@ class CrossValidation:
     odds_ratio: float = MODEL_ODDS_RATIO
     met: float | None = None
     passed_over: tuple[str, ...] = ()
+    copies: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,6 +158,7 @@ def learn_and_measure(
         base=BaseChoice(**model.about["base"]),
         prior=None if model.about["prior"] is None else PriorChoice(**model.about["prior"]),
         known=known_share(gathered.labelled),
+        copies=sum(one.factor > 1 for one in gathered.labelled),
         searched=met and any(one.start is None for one in gathered.labelled),
     )
     names = [one.name for one in gathered.labelled][:100]

@@ -118,6 +118,15 @@ def test_a_model_that_finds_other_things_than_the_masks_show_keeps_no_start(fold
     assert not any("the model finds its own" in line for line in lines)
 
 
+def test_it_says_what_was_learned_from_as_a_copy(folder: Path) -> None:
+    params = load_params()
+    gathered = gather([str(folder / "in")], str(folder / "truth"), params, longest=100)
+    figures = learn_and_measure(gathered, params, lambda _: None, measured=False)[1]
+    assert figures.copies == len(gathered.labelled) > 0
+    line = f"{figures.copies} images of more than 2000 pixels a side learned from, and measured on, as a copy"
+    assert (line in sentences(figures, "m.ffmodel"), line in sentences(replace(figures, copies=0), "")) == (True, False)
+
+
 @pytest.mark.parametrize(("measured", "most"), [(True, 200), (False, 20)])
 def test_a_model_that_is_not_measured_waits_for_few_images(
     folder: Path, monkeypatch: pytest.MonkeyPatch, measured: bool, most: int

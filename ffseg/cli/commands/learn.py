@@ -75,9 +75,12 @@ def learn(  # noqa: PLR0913 - the options of the command
 
 def sentences(figures: CrossValidation, out: str) -> list[str]:
     """What there is to say of a model."""
-    from ffseg.learning.gather import few_known
+    from ffseg.learning.gather import MAX_SIDE, few_known
 
     lines = [verdict(figures, out), *few_known(figures.known)]
+    if figures.copies:
+        larger = counted(figures.copies, "image")
+        lines.append(f"{larger} of more than {MAX_SIDE} pixels a side learned from, and measured on, as a copy")
     if figures.searched and figures.masks > 1:
         lines.append(
             "where no start is named the model finds its own; without it the contour grows from the middle of the image"
