@@ -16,6 +16,9 @@ from ffseg.io.masks import Masks
 from ffseg.parameters import MIN_START_RADIUS, Init, Parameters, Seed
 from ffseg.scene import Scene
 
+HALF_SET = 128
+"""Mean of a mask's pixels, 0 or 255, from which on half of them are set."""
+
 
 def before_enlargement(scene: Scene) -> Scene:
     """The scene at the size that its image had before an enlargement by an integer factor; else unchanged.
@@ -32,10 +35,6 @@ def before_enlargement(scene: Scene) -> Scene:
     smallest = min((abs(start.signed_area) for start in scene.starts), default=0.0)
     factor, image = magnification(scene.image, sqrt(smallest / pi) / MIN_START_RADIUS)
     return scene if factor == 1 else _reduced(scene, factor, image)
-
-
-HALF_SET = 128
-"""Mean of a mask's pixels, 0 or 255, from which on half of them are set."""
 
 
 def enlarged(contours: tuple[FreeForm, ...], factor: int) -> tuple[FreeForm, ...]:

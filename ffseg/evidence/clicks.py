@@ -10,7 +10,7 @@ say after how many circles they came; otherwise the one deeper in the present er
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -156,10 +156,9 @@ class ClickedImage:
         return expected_overlap(state.odds - np.float32(self.level), state.stays)
 
     @cached_property
-    def key(self) -> Hashable:
+    def key(self) -> tuple[float, bytes]:
         """Equal where all states are: of the image and the base they see the reduced planes."""
-        regions = (None if one is None else np.packbits(one) for one in (self.inside, self.outside, self.within))
-        return self.level, self.inside.shape, digest_of(self.appearance.lab, self.reduced_base, *regions)
+        return self.level, digest_of(self.appearance.lab, self.inside, self.outside, self.reduced_base, self.within)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -300,8 +299,7 @@ _views = Recent[prior.PriorView](1)
 
 def _view(clicked: ClickedImage, inside: Mask) -> prior.PriorView:
     """The prior's view from a region; the last one is kept, as clicks outside do not change it."""
-    key = clicked.key, digest_of(np.packbits(inside))
-    return _views.get(key, partial(prior.prior_view, clicked.appearance, inside))
+    return _views.get((clicked.key, digest_of(inside)), partial(prior.prior_view, clicked.appearance, inside))
 
 
 def _state_before(clicked: ClickedImage) -> ClickState | None:

@@ -15,6 +15,7 @@ from ffseg.errors import SegmentationError
 from ffseg.image.checked import Pixels, taken_image
 from ffseg.image.disc import Disc, valid_disc
 from ffseg.image.parts import connected_parts
+from ffseg.image.resized import copy_of
 from ffseg.parameters import Levels
 
 MIN_IMAGES = 5
@@ -166,9 +167,7 @@ def _usual(discs: list[Disc | None]) -> Disc | None:
 
 def _reduced(image: Image) -> Plane:
     """L, a, b of the image, reduced by a whole factor."""
-    height, width = image.shape[:2]
-    factor = -(-max(height, width) // WORKING_SIZE)
-    small = cv2.resize(image, (-(-width // factor), -(-height // factor)), interpolation=cv2.INTER_AREA)
+    small, _ = copy_of(image, WORKING_SIZE)
     colour = small if small.ndim == 3 else cv2.cvtColor(small, cv2.COLOR_GRAY2BGR)
     return cast("Plane", cv2.cvtColor(colour.astype(np.float32) / 255, cv2.COLOR_BGR2LAB))
 

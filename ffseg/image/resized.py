@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.arrays import Array, Image, Level, Plane
+from ffseg.image.appearance import reduced_shape, reduction
 
 
 def resized(plane: NDArray[Level], shape: tuple[int, int]) -> NDArray[Level]:
@@ -20,6 +21,12 @@ def resized(plane: NDArray[Level], shape: tuple[int, int]) -> NDArray[Level]:
     """
     way = cv2.INTER_AREA if shape[0] < plane.shape[0] or shape[1] < plane.shape[1] else cv2.INTER_LINEAR
     return np.asarray(cv2.resize(np.ascontiguousarray(plane), shape[::-1], interpolation=way), plane.dtype)
+
+
+def copy_of(image: Image, longest: int) -> tuple[Image, int]:
+    """The image with a longer side of at most so many pixels, and how many of its own a side are one of these."""
+    factor = reduction(image.shape, longest)
+    return image if factor == 1 else resized(image, reduced_shape(image.shape, factor)), factor
 
 
 OUTSIDE = -1e4

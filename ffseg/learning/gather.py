@@ -16,10 +16,9 @@ from ffseg.batch.plan.sources import InputImage
 from ffseg.batch.workers.pictures import read_source, read_truth
 from ffseg.enlargement import smaller, smaller_mask, smaller_masks
 from ffseg.errors import ImageReadError, SegmentationError, UsageError
-from ffseg.image.appearance import reduced_shape, reduction
 from ffseg.image.checked import require_size
 from ffseg.image.raster import rasterize
-from ffseg.image.resized import resized
+from ffseg.image.resized import copy_of, resized
 from ffseg.io.files import printable
 from ffseg.io.images import prepare_worker
 from ffseg.io.masks import NO_MASKS, Masks, named_masks
@@ -182,12 +181,6 @@ def reduced(one: LabelledImage, longest: int) -> LabelledImage:
     params, masks = smaller(one.params, factor), smaller_masks(one.masks, shape)
     start = None if one.start is None else smaller_mask(one.start.view(np.uint8) * np.uint8(255), shape) > 0
     return replace(one, image=image, truth=truth, params=params, start=start, masks=masks, factor=factor)
-
-
-def copy_of(image: Image, longest: int) -> tuple[Image, int]:
-    """The image with a longer side of at most so many pixels, and how many of its own a side are one of these."""
-    factor = reduction(image.shape, longest)
-    return image if factor == 1 else resized(image, reduced_shape(image.shape, factor)), factor
 
 
 def start_region(shape: tuple[int, ...], params: Parameters, mask: Image | None = None) -> Mask | None:

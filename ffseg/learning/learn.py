@@ -21,10 +21,11 @@ from ffseg.evidence.prior import prior
 from ffseg.evidence.source import model_odds, model_start
 from ffseg.image.appearance import Appearance
 from ffseg.image.edges import PRIOR_CALIBRATION, ScoreCalibration
+from ffseg.image.resized import copy_of
 from ffseg.io.files import printable
 from ffseg.io.tables import counted, without_nan
 from ffseg.learning.examples import Example, Samples, samples, starts_in
-from ffseg.learning.gather import MAX_SIDE, LabelledImage, TrainingSet, copy_of, known_share, start_region
+from ffseg.learning.gather import MAX_SIDE, LabelledImage, TrainingSet, known_share, start_region
 from ffseg.learning.training import BaseChoice, PriorChoice, folds, grown, learn
 from ffseg.metrics import IGNORED, INSIDE, iou
 from ffseg.parameters import Parameters
