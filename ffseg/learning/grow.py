@@ -40,7 +40,7 @@ from ffseg.io.images import prepare_worker
 from ffseg.learning.drawn.clicks import Clicks
 from ffseg.learning.drawn.sights import KINDS, Sight, sights
 from ffseg.learning.examples import known_pixels, samples_by_default
-from ffseg.learning.training import SETTINGS, converted
+from ffseg.learning.training import SETTINGS, SampleSet, converted
 from ffseg.learning.training import grown as learned
 from ffseg.metrics import IGNORED, INSIDE
 
@@ -232,7 +232,7 @@ def models_of(kind: str, count: int) -> list[Model]:
     """Models of a kind of drawings, as `ffseg learn` makes them."""
     taught = list(sights(kind, 2 * TAUGHT * count, FIRST_TAUGHT))[::2]  # two are at one picture
     known = [samples_by_default(one.image, one.truth) for one in taught]
-    return [learned(known[first : first + TAUGHT]) for first in range(0, len(known), TAUGHT)]
+    return [learned(SampleSet(known[first : first + TAUGHT])) for first in range(0, len(known), TAUGHT)]
 
 
 def for_clicks(seen: Sight, rng: np.random.Generator, model: Model | None = None) -> list[Samples]:

@@ -24,9 +24,9 @@ from ffseg.image.edges import PRIOR_CALIBRATION, ScoreCalibration
 from ffseg.image.resized import copy_of
 from ffseg.io.files import printable
 from ffseg.io.tables import counted, without_nan
-from ffseg.learning.examples import Example, Samples, samples, starts_in
+from ffseg.learning.examples import Example, samples, starts_in
 from ffseg.learning.gather import MAX_SIDE, LabelledImage, TrainingSet, known_share, start_region
-from ffseg.learning.training import BaseChoice, PriorChoice, folds, grown, learn
+from ffseg.learning.training import FOLDS, BaseChoice, PriorChoice, SampleSet, at_once, grown, learn
 from ffseg.metrics import IGNORED, INSIDE, iou
 from ffseg.parameters import Parameters
 from ffseg.pipeline import segment
@@ -167,9 +167,9 @@ def learn_and_measure(
     return replace(model, about=about), replace(figures, order=order, passed_over=gathered.passed_over)
 
 
-def _sampled(gathered: TrainingSet, params: Parameters, tell: Tell) -> tuple[TrainingSet, list[Samples]]:
+def _sampled(gathered: TrainingSet, params: Parameters, tell: Tell) -> tuple[TrainingSet, SampleSet]:
     """Samples of the images whose masks show enough of both sides, and the set without the others."""
-    labelled, chosen, refused = list[LabelledImage](), list[Samples](), list[UsageError]()
+    labelled, chosen, refused = list[LabelledImage](), [], list[UsageError]()
     for one in gathered.labelled:
         tell(f"looking at {printable(one.name)}")
         try:
@@ -180,7 +180,9 @@ def _sampled(gathered: TrainingSet, params: Parameters, tell: Tell) -> tuple[Tra
             refused.append(UsageError(f"{printable(one.name)}: {error}"))
     if not chosen:
         raise refused[0]
-    return replace(gathered, labelled=labelled, passed_over=(*gathered.passed_over, *map(str, refused))), chosen
+    return replace(gathered, labelled=labelled, passed_over=(*gathered.passed_over, *map(str, refused))), SampleSet(
+        chosen
+    )
 
 
 def _unmeasured(count: int) -> CrossValidation:
@@ -188,17 +190,20 @@ def _unmeasured(count: int) -> CrossValidation:
     return CrossValidation(count, none, none, none, none, helps=None)
 
 
-def _figures(labelled: Sequence[LabelledImage], chosen: Sequence[Samples], tell: Tell) -> CrossValidation:
+def _figures(labelled: Sequence[LabelledImage], chosen: SampleSet, tell: Tell) -> CrossValidation:
     count = len(labelled)
     if count < 2:
         return _unmeasured(count)
-    found, models, parts = dict[int, LeftOut](), dict[int, Model](), folds(count)
-    for number, fold in enumerate(parts):
-        searched = any(labelled[i].start is None for i in fold)
-        model = learn([chosen[i] for i in range(count) if i not in fold], searched=searched)
-        models |= dict.fromkeys(fold, model)
-        found |= {i: _left_out(labelled[i], model) for i in fold}
-        tell(f"left out part {number + 1} of {len(parts)}: IoU {mean(found[i].iou for i in fold):.3f}")
+    found, models, parts = dict[int, LeftOut](), dict[int, Model](), chosen.left_out()
+
+    def learned(parted: tuple[SampleSet, SampleSet]) -> Model:
+        others, part = parted
+        return learn(others, searched=any(labelled[i].start is None for i in part.numbers))
+
+    for number, ((_, part), model) in enumerate(zip(parts, at_once(learned, parts), strict=True)):
+        models |= dict.fromkeys(part.numbers, model)
+        found |= {i: _left_out(labelled[i], model) for i in part.numbers}
+        tell(f"left out part {number + 1} of {len(parts)}: IoU {mean(found[i].iou for i in part.numbers):.3f}")
     met = [one.met for one in found.values() if one.met is not None]
     if met and mean(met) < MIN_MET:
         tell("most starts that the model finds lie outside the masks: measured from starts inside")
@@ -272,7 +277,7 @@ def _contoured(one: LabelledImage, params: Parameters, evidence: Plane | None) -
     return LeftOut(iou(found.mask, one.truth), promise)
 
 
-def _curve(labelled: Sequence[LabelledImage], chosen: Sequence[Samples]) -> tuple[tuple[int, float], ...]:
+def _curve(labelled: Sequence[LabelledImage], chosen: SampleSet) -> tuple[tuple[int, float], ...]:
     """Learning curve: mean IoU on other images of small forests from 1, 2, 4, ... masks.
 
     Notes
@@ -285,22 +290,35 @@ def _curve(labelled: Sequence[LabelledImage], chosen: Sequence[Samples]) -> tupl
     if any(one.start is None for one in labelled):
         return ()
     tests: list[list[tuple[int, Model]]] = [[] for _ in labelled]
-    numbers = sorted({*(2**power for power in range(count.bit_length()) if 2**power < count), count - 1})
-    for number in numbers:
-        for _ in range(DRAWS):
-            drawn = rng.permutation(count)
-            model = grown([chosen[i] for i in drawn[:number]], CURVE_TREES)
-            for i in drawn[number:][:MAX_TESTED]:
-                tests[i].append((number, model))
-    found = {number: list[float]() for number in numbers}
-    for one, asked in zip(labelled, tests, strict=True):
+    most = count - -(-count // FOLDS)
+    numbers = sorted({*(2**power for power in range(count.bit_length()) if 2**power < most), most})
+    drawn = [(number, rng.permutation(count).tolist()) for number in numbers for _ in range(DRAWS)]
+    models = at_once(lambda one: grown(chosen.some(one[1][: one[0]]), CURVE_TREES), drawn)
+    for (number, order), model in zip(drawn, models, strict=True):
+        for i in order[number:][:MAX_TESTED]:
+            tests[i].append((number, model))
+    found = list[tuple[int, int, float]]()
+    for place, (one, asked) in enumerate(zip(labelled, tests, strict=True)):
         if one.start is None or not asked:
             continue
         image = Appearance(one.image)
         seen, odds = features(image, one.start), prior(image, one.start)
         for number, model in asked:
-            found[number].append(_contoured(one, one.params, model.map(seen, odds)).iou)
-    return tuple((number, round(mean(overlaps), 4)) for number, overlaps in found.items())
+            found.append((number, place, _contoured(one, one.params, model.map(seen, odds)).iou))
+    return levelled(found)
+
+
+def levelled(found: Sequence[tuple[int, int, float]]) -> tuple[tuple[int, float], ...]:
+    """Mean IoU at each number of masks, of triples of number, image and IoU, as if each had been tested on all images.
+
+    By least squares it is what the number gives, and what the image does: none looks better for images that happen to be easy.
+    """
+    numbers, images, overlaps = zip(*found, strict=True)
+    (each, at), (all_images, which) = (np.unique(values, return_inverse=True) for values in (numbers, images))
+    design = np.concatenate([np.eye(len(each))[at], np.eye(len(all_images))[which]], axis=1)
+    effects = np.linalg.lstsq(design, np.array(overlaps), rcond=None)[0]
+    means = effects[: len(each)] + effects[len(each) :].mean()
+    return tuple(zip(each.tolist(), means.round(4).tolist(), strict=True))
 
 
 def _started(one: LabelledImage, rng: np.random.Generator) -> LabelledImage:

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
-from functools import lru_cache
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from ffseg.arrays import Floats
+from ffseg.arrays import Floats, Mask
+from ffseg.batch.workers.launch import cores
 from ffseg.evidence.base import base, enough_of, joined, mean_overlap, odds_of
 from ffseg.evidence.features import ALL_FEATURES, PLACE_FEATURES
 from ffseg.evidence.forest import Forest, Model
 from ffseg.image.appearance import TEXTURE
 from ffseg.learning.examples import MIN_IN_LEAF, Samples
 from ffseg.plugins import require
+
+T = TypeVar("T")
 
 LIGHTGBM = "lightgbm", "learning needs LightGBM", "learn"
 """What grows forests, as `require` takes it."""
@@ -30,12 +33,16 @@ SETTINGS = {
     "max_bin": 63,
     "use_missing": False,
     "deterministic": True,
-    "force_row_wise": True,
+    "force_col_wise": True,
     "num_threads": 1,
     "verbose": -1,
     "seed": 0,
 }
-"""Of LightGBM; one thread, so that the same masks give the same model."""
+"""Of LightGBM. One thread for each forest, and forests side by side (`at_once`): its own threads wait for one another in all that
+is done, and two of them take longer than one where anything else has the processor."""
+
+MAX_AT_ONCE = 4
+"""Forests that are grown side by side: each of many images needs memory."""
 
 TREES, LEARNING_RATE = 100, 0.1
 
@@ -64,13 +71,99 @@ STARTLESS_FEATURES = tuple(
 """Features that need no start."""
 
 
+class SampleSet:
+    """Samples of images that are learned from, or of some of a set.
+
+    Forests of any images of a set share the bins that its features are sorted into, as if all were at hand: bins are quantiles,
+    and know no label.
+
+    Parameters
+    ----------
+    images : sequence of Samples
+    whole, numbers
+        The set that they are some of, and which.
+    """
+
+    def __init__(self, images: Sequence[Samples], whole: SampleSet | None = None, numbers: Sequence[int] = ()) -> None:
+        self.images = tuple(images)
+        self._whole = self if whole is None else whole
+        self.numbers = tuple(range(len(images)) if whole is None else numbers)
+        self._bins: dict[tuple[str, ...], Any] = {}
+        self._thin: SampleSet | None = None
+        self._forests: dict[tuple[tuple[int, ...], bool], Forest] = {}
+
+    def __len__(self) -> int:
+        return len(self.images)
+
+    @property
+    def inside(self) -> list[Mask]:
+        """Labels of the pixels of each image."""
+        return [one.inside for one in self.images]
+
+    def some(self, places: Iterable[int]) -> SampleSet:
+        """The images at these places."""
+        chosen = sorted(places)
+        return SampleSet([self.images[i] for i in chosen], self._whole, [self.numbers[i] for i in chosen])
+
+    def left_out(self) -> list[tuple[SampleSet, SampleSet]]:
+        """Parts that are left out in turn, each after the others."""
+        count, parts = len(self), min(FOLDS, len(self))
+        places = [range(part, count, parts) for part in range(parts)]
+        return [(self.some(set(range(count)).difference(part)), self.some(part)) for part in places]
+
+    def thinned(self) -> SampleSet:
+        """Some pixels of each: enough to see how well the images teach each other."""
+        whole = self._whole
+        if whole._thin is None:
+            few = slice(None, None, SUBSAMPLING * -(-len(whole) // FOLDS))
+            priors = [None if one.prior is None else one.prior[few] for one in whole.images]
+            both = zip(whole.images, priors, strict=True)
+            whole._thin = SampleSet([Samples(one.rows[few], one.inside[few], prior) for one, prior in both])
+        return whole._thin.some(self.numbers)
+
+    def small_forest(self, *, corrected: bool) -> Forest:
+        """A small forest of these images, alone or correcting the base: grown once, however often these are what is left."""
+        forests, key = self._whole._forests, (self.numbers, corrected)
+        if key not in forests:
+            begin = [odds_of(base(), one.rows) for one in self.images] if corrected else None
+            forests[key] = grow(self, trees=round(TREES * CORRECTION_FRACTION), begin=begin)
+        return forests[key]
+
+    def binned(self, names: tuple[str, ...]) -> Any:  # noqa: ANN401 - a lightgbm.Dataset
+        """These images for LightGBM, each with the same weight, as a part of the whole set."""
+        import lightgbm
+
+        images, bins = self._whole.images, self._whole._bins
+        ends = np.cumsum([0, *(len(one.inside) for one in images)]).tolist()
+        if names not in bins:
+            # all columns need no copy
+            columns = slice(None) if names == ALL_FEATURES else [ALL_FEATURES.index(name) for name in names]
+            least = max(MIN_IN_LEAF, ends[-1] // len(images) // LEAVES_OF_AN_IMAGE)
+            bins[names] = lightgbm.Dataset(
+                [one.rows[:, columns] for one in images],
+                np.concatenate(self._whole.inside).astype(np.float32),
+                params={**SETTINGS, "learning_rate": LEARNING_RATE, "min_data_in_leaf": least},
+            ).construct()
+        data = bins[names].subset(())
+        data.used_indices = np.concatenate([np.arange(ends[i], ends[i + 1], dtype=np.int32) for i in self.numbers])
+        data.construct()  # it would have made a list of them, forty bytes each
+        weights = np.concatenate([np.full(len(one), 1 / len(one)) for one in self.inside])
+        return data.set_weight(weights / weights.mean())
+
+
+def at_once(work: Callable[[Any], T], items: Sequence[Any]) -> Iterator[T]:
+    """What comes of each, in order."""
+    with ThreadPoolExecutor(min(cores(), MAX_AT_ONCE)) as pool:
+        yield from pool.map(work, items)
+
+
 def grow(
-    chosen: Sequence[Samples],
+    chosen: SampleSet,
     names: tuple[str, ...] = ALL_FEATURES,
     trees: int = TREES,
     begin: Sequence[Floats] | None = None,
 ) -> Forest:
-    """Grow a forest; every image has the same weight. Log odds in `begin`, if given, are its starting point.
+    """Grow a forest. Log odds in `begin`, if given, are its starting point.
 
     Raises
     ------
@@ -80,21 +173,10 @@ def grow(
     require(*LIGHTGBM)
     import lightgbm
 
-    columns = [ALL_FEATURES.index(name) for name in names]
-    rows = np.concatenate([one.rows[:, columns] for one in chosen])
-    labels = np.concatenate([one.inside for one in chosen])
-    weights = np.concatenate([np.full(len(one.inside), 1 / len(one.inside)) for one in chosen])
-    known = None if begin is None else np.concatenate(begin).astype(np.float64)
-    least = max(MIN_IN_LEAF, len(rows) // len(chosen) // LEAVES_OF_AN_IMAGE)
-    how = {**SETTINGS, "learning_rate": LEARNING_RATE, "min_data_in_leaf": least}
-    data = lightgbm.Dataset(
-        rows,
-        labels.astype(np.float32),
-        weight=weights / weights.mean(),
-        init_score=known,
-        params={**how, "num_threads": 0},  # features are sorted into bins one by one
-    ).construct()
-    return converted(lightgbm.train(how, data, trees).dump_model()["tree_info"], names)
+    data = chosen.binned(names)
+    if begin is not None:
+        data.set_init_score(np.concatenate(begin).astype(np.float64))
+    return converted(lightgbm.train(data.params, data, trees).dump_model()["tree_info"], names)
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,15 +199,15 @@ class BaseChoice:
     taught: float | None
 
 
-def choose_base(chosen: Sequence[Samples], odds: Sequence[Floats]) -> BaseChoice:
+def choose_base(chosen: SampleSet, odds: Sequence[Floats]) -> BaseChoice:
     """Whether the base, with these log odds, is corrected: if it suits the masks, or they teach each other less.
 
     Notes
     -----
     One mask always corrects it: on all four sets of photographs that is better than to begin from nothing.
     """
-    own, enough = mean_overlap(odds, [one.inside for one in chosen]), enough_of(len(chosen))
-    taught = None if own >= enough or len(chosen) < 2 else _left_out_overlap(chosen)
+    own, enough = mean_overlap(odds, chosen.inside), enough_of(len(chosen))
+    taught = None if own >= enough or len(chosen) < 2 else _left_out_overlap(chosen, corrected=False)
     return BaseChoice(own >= enough or taught is None or own > taught, own, enough, taught)
 
 
@@ -149,7 +231,7 @@ class PriorChoice:
     both: float | None = None
 
 
-def choose_prior(chosen: Sequence[Samples], *, corrected: bool = False) -> PriorChoice | None:
+def choose_prior(chosen: SampleSet, *, corrected: bool = False) -> PriorChoice | None:
     """Whether the prior is used: if it improves cross-validation, and by one mask; None if its log odds are unknown.
 
     Parameters
@@ -165,24 +247,25 @@ def choose_prior(chosen: Sequence[Samples], *, corrected: bool = False) -> Prior
     without the prior, .913 .906 .905 with it; pictures that are not alike (8 kinds) .700 .702 .704, .661 .676 .708 and .700
     .706 .714.
     """
-    odds, inside = [one.prior for one in chosen if one.prior is not None], [one.inside for one in chosen]
+    odds = [one.prior for one in chosen.images if one.prior is not None]
     if len(odds) < len(chosen):
         return None
-    own = mean_overlap(odds, inside)
+    own = mean_overlap(odds, chosen.inside)
     if len(chosen) < 2:
         return PriorChoice(True, own)
-    few, left_out = some_of(len(chosen)), _left_out_odds(tuple(chosen), corrected=corrected)
-    both = [one + np.float32(PRIOR_WEIGHT) * known[few] for one, known in zip(left_out, odds, strict=True)]
-    taught, helped = (mean_overlap(told, [one[few] for one in inside]) for told in (left_out, both))
-    return PriorChoice(helped > taught, own, taught=taught, both=helped)
+    taught, both = (_left_out_overlap(chosen, corrected=corrected, prior=weight) for weight in (0.0, PRIOR_WEIGHT))
+    return PriorChoice(both > taught, own, taught=taught, both=both)
 
 
-def learn(chosen: Sequence[Samples], *, searched: bool = True) -> Model:
+def learn(chosen: SampleSet, *, searched: bool = True) -> Model:
     """A model of what lies inside and, if `searched`, of where to start."""
-    return replace(grown(chosen), start=grow(chosen, STARTLESS_FEATURES) if searched else None)
+    with ThreadPoolExecutor(1) as beside:
+        start = beside.submit(lambda: grow(chosen, STARTLESS_FEATURES) if searched else None)
+        inside = grown(chosen)
+    return replace(inside, start=start.result())
 
 
-def grown(chosen: Sequence[Samples], trees: int = TREES) -> Model:
+def grown(chosen: SampleSet, trees: int = TREES) -> Model:
     """A model of what lies inside: its forest (see `grow_inside`), with the prior if it is used (see `choose_prior`).
 
     Notes
@@ -198,7 +281,7 @@ def grown(chosen: Sequence[Samples], trees: int = TREES) -> Model:
     return Model(inside, None, about=about, exposed=True, prior=weight)
 
 
-def grow_inside(chosen: Sequence[Samples], trees: int = TREES) -> tuple[Forest, BaseChoice]:
+def grow_inside(chosen: SampleSet, trees: int = TREES) -> tuple[Forest, BaseChoice]:
     """The forest for inside pixels: the corrected base or one of the masks' own, and which (see `choose_base`).
 
     Notes
@@ -208,7 +291,7 @@ def grow_inside(chosen: Sequence[Samples], trees: int = TREES) -> tuple[Forest, 
     On floors that the base has not seen, correcting it gives an IoU higher by .07 from five masks; on road frames, of
     which it knows little, one lower by .04, and it is left aside.
     """
-    odds = [odds_of(base(), one.rows) for one in chosen]
+    odds = [odds_of(base(), one.rows) for one in chosen.images]
     base_choice = choose_base(chosen, odds)
     if not base_choice.corrected:
         return grow(chosen, trees=trees), base_choice
@@ -216,36 +299,16 @@ def grow_inside(chosen: Sequence[Samples], trees: int = TREES) -> tuple[Forest, 
     return joined(base(), corrections), base_choice
 
 
-def _left_out_overlap(chosen: Sequence[Samples]) -> float:
-    few = some_of(len(chosen))
-    return mean_overlap(_left_out_odds(tuple(chosen), corrected=False), [one.inside[few] for one in chosen])
-
-
-def folds(count: int) -> list[range]:
-    """Parts that so many images are left out in."""
-    return [range(part, count, min(FOLDS, count)) for part in range(min(FOLDS, count))]
-
-
-def some_of(count: int) -> slice:
-    """Pixels of each of so many images that are looked at to see how well these teach each other."""
-    return slice(None, None, SUBSAMPLING * -(-count // FOLDS))
-
-
-@lru_cache(maxsize=1)  # of masks that leave the base aside both decisions ask
-def _left_out_odds(chosen: tuple[Samples, ...], *, corrected: bool) -> list[Floats]:
-    """Log odds of some pixels of each image by a small forest from others, alone or correcting the base."""
-    few = some_of(len(chosen))
-    thin = [Samples(one.rows[few], one.inside[few]) for one in chosen]
-    begin = [odds_of(base(), one.rows) for one in thin] if corrected else None
-    odds: dict[int, Floats] = {}
-    for fold in folds(len(thin)):
-        others = [number for number in range(len(thin)) if number not in fold]
-        known = begin and [begin[i] for i in others]
-        forest = grow([thin[i] for i in others], trees=round(TREES * CORRECTION_FRACTION), begin=known)
-        for number in fold:
-            odds_of_others = odds_of(forest, thin[number].rows)
-            odds[number] = odds_of_others if begin is None else odds_of_others + begin[number]
-    return [odds[number] for number in range(len(thin))]
+def _left_out_overlap(chosen: SampleSet, *, corrected: bool, prior: float = 0.0) -> float:
+    """Mean IoU on some pixels of each image by a small forest from others, with the prior's log odds at some weight."""
+    odds, inside = list[Floats](), list[Mask]()
+    for others, part in chosen.thinned().left_out():
+        forest = others.small_forest(corrected=corrected)
+        for one in part.images:
+            told = odds_of(forest, one.rows) + (odds_of(base(), one.rows) if corrected else np.float32(0))
+            odds.append(told if one.prior is None else told + np.float32(prior) * one.prior)
+            inside.append(one.inside)
+    return mean_overlap(odds, inside)
 
 
 def converted(trees: Sequence[dict[str, Any]], names: tuple[str, ...]) -> Forest:

@@ -18,7 +18,7 @@ from ffseg.evidence.forest import Model
 from ffseg.evidence.source import model_odds
 from ffseg.io.images import prepare_worker
 from ffseg.learning.examples import Example, Samples, samples
-from ffseg.learning.training import learn
+from ffseg.learning.training import SampleSet, learn
 from ffseg.metrics import iou
 from ffseg.parameters import load_params
 from tests.campaigns import harness
@@ -59,7 +59,7 @@ def evaluate(photographs: Sequence[Photograph], chosen: Sequence[Samples], masks
         rng, found, elsewhere = np.random.default_rng(1), [], []
         for _ in range(1 if number == len(pool) else draws):
             drawn = sorted(rng.choice(pool, number, replace=False).tolist())
-            model = learn([chosen[i] for i in drawn], searched=False)
+            model = learn(SampleSet([chosen[i] for i in drawn]), searched=False)
             rest = range(1, count, 2) if folder == "road" else [i for i in range(count) if i not in drawn]
             overlaps = {i: overlap(photographs[i], model) for i in rest}
             found.append(mean(overlaps.values()))

@@ -12,7 +12,7 @@ from ffseg.evidence.prior import prior
 from ffseg.evidence.source import model_odds
 from ffseg.image.appearance import Appearance
 from ffseg.learning.examples import Samples, samples
-from ffseg.learning.training import SUBSAMPLING, PriorChoice, choose_prior, learn
+from ffseg.learning.training import SUBSAMPLING, PriorChoice, SampleSet, choose_prior, learn
 from tests.stumps import stump
 from tests.unit.test_evidence_base import halves
 from tests.unit.test_evidence_learning import example
@@ -27,7 +27,7 @@ def sampled(share: float) -> Samples:
 @pytest.mark.parametrize("share", [0.8, 0.3])
 def test_one_mask_asks_the_prior(share: float) -> None:
     """It did so where the prior knew three quarters of it, and was worse than no model on all but road frames."""
-    decided = choose_prior([sampled(share)])
+    decided = choose_prior(SampleSet([sampled(share)]))
     assert (decided.asked, decided.taught) == (True, None)
     assert decided.prior == pytest.approx(share)
 
@@ -38,13 +38,14 @@ def test_more_masks_ask_it_where_it_adds_to_what_they_teach_each_other(
     count: int, share: float, taught: float, found: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """However well it does by itself; here it is surer than they are, and both together are what it is."""
-    told = [halves(taught)[0][::SUBSAMPLING] / 2] * count
-    monkeypatch.setattr("ffseg.learning.training._left_out_odds", lambda _, corrected: told)
+    told = halves(taught)[0][::SUBSAMPLING] / 2
+    monkeypatch.setattr("ffseg.learning.training.odds_of", lambda *_: told)
+    monkeypatch.setattr("ffseg.learning.training.SampleSet.small_forest", lambda _, corrected: None)
     chosen = [sampled(share)] * count
-    decided = choose_prior(chosen)
+    decided = choose_prior(SampleSet(chosen))
     assert decided.asked is found
     assert (decided.taught, decided.both) == (pytest.approx(taught, abs=0.01), pytest.approx(share, abs=0.01))
-    assert choose_prior([*chosen, Samples(chosen[0].rows, chosen[0].inside)]) is None
+    assert choose_prior(SampleSet([*chosen, Samples(chosen[0].rows, chosen[0].inside)])) is None
 
 
 def test_a_model_adds_the_log_odds_of_the_prior() -> None:
@@ -71,7 +72,8 @@ def test_learning_decides_and_says_so(sign: int) -> None:
     pytest.importorskip("lightgbm")
     chosen = [samples(example(seed)) for seed in (1, 2)]
     assert all(one.prior is not None and one.prior.shape == one.inside.shape for one in chosen)
-    model = learn([replace(one, prior=sign * np.where(one.inside, 9, -9)) for one in chosen], searched=False)
+    told = [replace(one, prior=sign * np.where(one.inside, 9, -9)) for one in chosen]
+    model = learn(SampleSet(told), searched=False)
     assert model.prior == (sign > 0)
     said = model.about["prior"]
     assert said["asked"] is (said["both"] > said["taught"]) is (sign > 0)

@@ -8,7 +8,7 @@ from ffseg.evidence.features import ALL_FEATURES, features
 from ffseg.evidence.forest import MAGIC, Model, from_bytes, to_bytes
 from ffseg.image.appearance import Appearance, normalised_exposure
 from ffseg.learning.examples import Samples, samples
-from ffseg.learning.training import TREES, _left_out_overlap, choose_base, grow, learn
+from ffseg.learning.training import TREES, SampleSet, _left_out_overlap, choose_base, grow, learn
 from ffseg.metrics import iou
 from tests.stumps import probabilities, stump
 from tests.unit.test_evidence_learning import example, predicted
@@ -46,8 +46,8 @@ def test_joined_forests_add_their_odds() -> None:
 def test_few_masks_must_show_more(count: int, share: float, ok: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     odds, inside = zip(*(halves(share) for _ in range(count)), strict=True)
     chosen = [Samples(np.zeros((len(one), len(ALL_FEATURES)), np.float32), one) for one in inside]
-    monkeypatch.setattr("ffseg.learning.training._left_out_overlap", lambda _: 1.0)
-    found = choose_base(chosen, odds)
+    monkeypatch.setattr("ffseg.learning.training._left_out_overlap", lambda *_, **__: 1.0)
+    found = choose_base(SampleSet(chosen), odds)
     assert found.corrected is (ok or count == 1)  # one mask is too little to begin with
     assert (found.base, found.enough) == (pytest.approx(share, abs=0.001), enough_of(count))  # of 1000 pixels
     assert found.taught == (None if ok or count == 1 else 1.0)
@@ -58,31 +58,31 @@ def test_masks_correct_a_base_that_serves_them(monkeypatch: pytest.MonkeyPatch) 
     own = stump("likeness", 0.0)
     monkeypatch.setattr("ffseg.learning.training.base", lambda: own)
     monkeypatch.setattr("ffseg.learning.training.enough_of", lambda _: 0.0)
-    chosen = [samples(example(seed)) for seed in (1, 2)]
+    chosen = SampleSet([samples(example(seed)) for seed in (1, 2)])
     model = learn(chosen, searched=False)
-    more = grow(chosen, trees=40, begin=[odds_of(own, one.rows) for one in chosen])
-    for one in chosen:
+    more = grow(chosen, trees=40, begin=[odds_of(own, one.rows) for one in chosen.images])
+    for one in chosen.images:
         total = odds_of(own, one.rows) + odds_of(more, one.rows)
         np.testing.assert_allclose(odds_of(model.inside, one.rows), total, atol=1e-4)  # sums in another order
     assert iou(predicted(model, example(3)) > 0.5, example(3).truth) > 0.9
     monkeypatch.setattr("ffseg.learning.training.enough_of", lambda _: 2.0)
-    monkeypatch.setattr("ffseg.learning.training._left_out_overlap", lambda _: 1.0)
+    monkeypatch.setattr("ffseg.learning.training._left_out_overlap", lambda *_, **__: 1.0)
     assert len(learn(chosen, searched=False).inside.arrays["root"]) == TREES
 
 
 def test_masks_teach_each_other_unless_they_contradict() -> None:
     pytest.importorskip("lightgbm")
     one, two = (samples(example(seed)) for seed in (1, 2))
-    assert _left_out_overlap([one, two]) > 0.8
-    assert _left_out_overlap([one, Samples(two.rows, ~two.inside)]) < 0.2
+    assert _left_out_overlap(SampleSet([one, two]), corrected=False) > 0.8
+    assert _left_out_overlap(SampleSet([one, Samples(two.rows, ~two.inside)]), corrected=False) < 0.2
 
 
 @pytest.mark.parametrize(("taught", "corrected"), [(0.0, True), (1.0, False)])
 def test_a_base_is_mended_by_better_masks(taught: float, corrected: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("lightgbm")
     monkeypatch.setattr("ffseg.learning.training.enough_of", lambda _: 2.0)
-    monkeypatch.setattr("ffseg.learning.training._left_out_overlap", lambda _: taught)
-    model = learn([samples(example(seed)) for seed in (1, 2)], searched=False)
+    monkeypatch.setattr("ffseg.learning.training._left_out_overlap", lambda *_, **__: taught)
+    model = learn(SampleSet([samples(example(seed)) for seed in (1, 2)]), searched=False)
     assert (len(model.inside.arrays["root"]) > len(base().arrays["root"])) is corrected
     told = from_bytes(to_bytes(model)).about["base"]
     assert (told["corrected"], told["enough"], told["taught"]) == (corrected, 2.0, taught)

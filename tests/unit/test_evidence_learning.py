@@ -1,13 +1,12 @@
 """Learning from masks: samples, trees as LightGBM grows them, models that find what they were shown."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from ffseg.errors import UsageError
-from ffseg.evidence.base import base, mean_overlap
+from ffseg.evidence.base import base, odds_of
 from ffseg.evidence.features import ALL_FEATURES, features
 from ffseg.evidence.forest import Model
 from ffseg.evidence.source import model_odds
@@ -18,7 +17,6 @@ from ffseg.learning.examples import (
     PIXELS,
     STARTS,
     Example,
-    Samples,
     known_of_some,
     known_pixels,
     mirrored,
@@ -31,6 +29,7 @@ from ffseg.learning.training import (
     PRIOR_WEIGHT,
     STARTLESS_FEATURES,
     TREES,
+    SampleSet,
     converted,
     grow,
     learn,
@@ -61,13 +60,13 @@ def predicted(model: Model, one: Example) -> np.ndarray:
 
 
 def test_two_masks_teach_what_is_inside() -> None:
-    model = learn([samples(example(seed)) for seed in (1, 2)])
+    model = learn(SampleSet([samples(example(seed)) for seed in (1, 2)]))
     for seed in (3, 4, 5):
         assert iou(predicted(model, example(seed)) > 0.5, example(seed).truth) > 0.9
 
 
 def test_the_second_forest_needs_no_start() -> None:
-    model = learn([samples(example(seed)) for seed in (1, 2)])
+    model = learn(SampleSet([samples(example(seed)) for seed in (1, 2)]))
     one = example(3)
     anywhere = features(model.appearance(one.image), disc(5, 5, 3))
     assert iou(probabilities(model.start, anywhere) > 0.5, one.truth) > 0.8
@@ -86,7 +85,7 @@ def test_scribbles_are_enough() -> None:
         for row in rows[len(rows) // 3 :: len(rows) // 3][:2]:
             truth[row - 1 : row + 2] = one.truth[row - 1 : row + 2]
         partial.append(samples(Example(one.image, truth, one.start, 3.0)))
-    assert iou(predicted(learn(partial), example(4)) > 0.5, example(4).truth) > 0.8
+    assert iou(predicted(learn(SampleSet(partial)), example(4)) > 0.5, example(4).truth) > 0.8
 
 
 def test_scribbles_of_one_pixel_are_enough_on_images_that_are_reduced() -> None:
@@ -98,7 +97,7 @@ def test_scribbles_of_one_pixel_are_enough_on_images_that_are_reduced() -> None:
         for row in np.flatnonzero((whole == 255).any(1))[40::120]:
             truth[row] = whole[row]
         partial.append(samples(Example(image, truth, start, 24.0)))
-    assert iou(predicted(learn(partial), example(4)) > 0.5, example(4).truth) > 0.8
+    assert iou(predicted(learn(SampleSet(partial)), example(4)) > 0.5, example(4).truth) > 0.8
 
 
 def test_converted_trees_say_what_lightgbm_says() -> None:
@@ -113,7 +112,7 @@ def test_converted_trees_say_what_lightgbm_says() -> None:
 
 
 def test_the_same_masks_give_the_same_forest() -> None:
-    chosen = [samples(example(seed)) for seed in (1, 2)]
+    chosen = SampleSet([samples(example(seed)) for seed in (1, 2)])
     one, two = grow(chosen, trees=5), grow(chosen, trees=5)
     for name, array in one.arrays.items():
         np.testing.assert_array_equal(array, two.arrays[name])
@@ -163,7 +162,7 @@ def test_what_is_too_small_to_be_seen_is_not_said_to_be_missing() -> None:
 
 
 def test_uncertainty_is_higher_on_what_was_never_seen_and_hears_the_prior() -> None:
-    model = learn([samples(example(seed)) for seed in (1, 2)])
+    model = learn(SampleSet([samples(example(seed)) for seed in (1, 2)]))
     one = example(3)
     odd = model.appearance(np.random.default_rng(0).integers(0, 255, one.image.shape, np.uint8))
     image = model.appearance(one.image)
@@ -173,7 +172,7 @@ def test_uncertainty_is_higher_on_what_was_never_seen_and_hears_the_prior() -> N
 
 
 def test_one_mask_corrects_the_base() -> None:
-    one = learn([samples(example(1))], searched=False)
+    one = learn(SampleSet([samples(example(1))]), searched=False)
     trees = len(base().arrays["root"]) + round(CORRECTION_FRACTION * TREES)
     assert (len(one.inside.arrays["root"]), one.prior) == (trees, PRIOR_WEIGHT)
     assert iou(predicted(one, example(2)) > 0.5, example(2).truth) > 0.8
@@ -181,15 +180,36 @@ def test_one_mask_corrects_the_base() -> None:
 
 def test_of_many_masks_ten_parts_are_left_out_of_as_many_pixels(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each was left out alone, in each part that is left out to measure: time went with the square of their number."""
-    chosen, grown_from = tuple(samples(example(seed)) for seed in range(12)), []
+    chosen, grown_from = SampleSet([samples(example(seed)) for seed in range(12)]), []
     plain = training.grow
 
-    def counted(some: Sequence[Samples], **others: object) -> object:
-        grown_from.append((len(some), sum(len(one.inside) for one in some)))
+    def counted(some: SampleSet, **others: object) -> object:
+        grown_from.append((len(some), sum(map(len, some.inside))))
         return plain(some, **others)
 
     monkeypatch.setattr(training, "grow", counted)
-    odds = training._left_out_odds(chosen, corrected=False)
+    assert training._left_out_overlap(chosen, corrected=False) > 0.9
     assert [count for count, _ in grown_from] == [10] * 2 + [11] * 8
-    assert [len(one) for one in odds] == [len(one.inside[:: 2 * training.SUBSAMPLING]) for one in chosen]
-    assert mean_overlap(odds, [one.inside[training.some_of(12)] for one in chosen]) > 0.9
+    pixels = [len(one[:: 2 * training.SUBSAMPLING]) for one in chosen.inside]
+    assert grown_from[0][1] == sum(pixels) - pixels[0] - pixels[10]
+
+
+def test_a_forest_of_images_that_are_left_twice_is_grown_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without the first and the second, as without the second and the first."""
+    chosen, grown_from = SampleSet([samples(example(seed)) for seed in range(4)]), []
+    plain = training.grow
+    monkeypatch.setattr(training, "grow", lambda some, **how: grown_from.append(some.numbers) or plain(some, **how))
+    for others, _ in chosen.left_out():
+        training._left_out_overlap(others, corrected=False)
+    assert grown_from == [(2, 3), (1, 3), (1, 2), (0, 3), (0, 2), (0, 1)]
+
+
+def test_a_forest_of_some_images_is_that_of_these_alone() -> None:
+    """The bins are those of all, and know no label: of images alike both see the same."""
+    chosen = [samples(example(seed)) for seed in (1, 2, 3)]
+    some, alone = grow(SampleSet(chosen).some([2, 0])), grow(SampleSet([chosen[0], chosen[2]]))
+    for one in chosen:
+        assert np.mean((odds_of(some, one.rows) > 0) == (odds_of(alone, one.rows) > 0)) > 0.99
+    swapped = [replace(one, inside=~one.inside) for one in chosen[1:2]]
+    some_again = grow(SampleSet([chosen[0], *swapped, chosen[2]]).some([0, 2]))
+    assert all(np.array_equal(array, some_again.arrays[name]) for name, array in some.arrays.items())

@@ -37,7 +37,7 @@ def learn(  # noqa: PLR0913 - the options of the command
     quick: Annotated[
         bool,
         typer.Option(
-            "--quick", help="The model, and which of 20 images to draw next, in a fifth of the time; not measured."
+            "--quick", help="The model, and which of 20 images to draw next, and no figures: in a quarter of the time."
         ),
     ] = False,
     quiet: options.FiguresOnly = False,
