@@ -15,6 +15,8 @@ from drawn_films import pictures, write_film
 
 from ffseg.batch.workers.past import PastFrame
 from ffseg.image.flow import BOUNDARY_BAND, carried_region, origins, start_in, steadied_region
+from ffseg.image.free import distances
+from ffseg.image.parts import connected_parts
 from ffseg.io.images import Limits
 from ffseg.io.starts import Start
 from ffseg.parameters import load_params
@@ -50,6 +52,20 @@ def test_the_outline_goes_half_way_where_the_two_lie_close() -> None:
     nothing = np.zeros_like(far)
     assert np.array_equal(steadied_region(nothing, far), nothing)
     assert np.array_equal(steadied_region(far, nothing), far)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_half_way_is_that_of_the_distances_to_both(seed: int) -> None:
+    """Which are looked at only where the two differ, and no further than the band."""
+    rng = np.random.default_rng(seed)
+    noise = cv2.GaussianBlur(rng.normal(size=(60, 70)), (0, 0), rng.uniform(0.5, 5))
+    more = noise + 0.3 * cv2.GaussianBlur(rng.normal(size=(60, 70)), (0, 0), rng.uniform(0.5, 5))
+    own, before = noise > np.median(noise), more > np.median(more)
+    depth, old = (np.where(one, distances(one) - 0.5, 0.5 - distances(~one)) for one in (own, before))
+    open_to_border = connected_parts(~own, corners=True).labels
+    rim = np.concatenate([open_to_border[[0, -1]].ravel(), open_to_border[:, [0, -1]].ravel()])
+    near = (abs(depth) <= BOUNDARY_BAND) & (abs(old) <= BOUNDARY_BAND) & (own | np.isin(open_to_border, rim[rim > 0]))
+    assert np.array_equal(steadied_region(own, before), np.where(near, depth + old > 0, own))
 
 
 @pytest.mark.parametrize("radius", [0, 1, 2, 4, 8])
