@@ -14,7 +14,6 @@ from ffseg.evidence.surroundings import STRIDE, strided
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import packed_joints
 from ffseg.image.boundary import BORDER_MARGIN
-from ffseg.image.edges import PRIOR_CALIBRATION
 from ffseg.native import _core
 from ffseg.scene import Scene
 
@@ -68,7 +67,7 @@ def judge_region(
         sure = found.boundary_of(contours).clear_share()
     else:
         overlap = expected_overlap(strided(edges.odds), mask[::STRIDE, ::STRIDE])
-        sure = (edges.calibration or PRIOR_CALIBRATION).iou(overlap)
+        sure = edges.calibration.iou(overlap)
     return min([sure, *(doubt.most for doubt in doubts)]), doubts
 
 

@@ -67,7 +67,7 @@ def model_edges(scene: Scene) -> EdgeMap:
         raise ParameterError("edges.source: model needs a model; set edges.model to a file")
     own, (joined, boxed) = gradient(scene), _with_boxes(scene)
     if path.endswith(NETWORK_SUFFIX):
-        return _edges(scene, joined(_network_map(scene, path)), own, "model", boxed)
+        return _edges(scene, joined(_network_map(scene, path)), own, "model", boxed or PRIOR_CALIBRATION)
 
     model = ready(path)
     appearance = scene.appearance if isinstance(scene.appearance, Appearance) else _seen(scene, model)
@@ -152,13 +152,13 @@ def _edges(
     values: Plane,
     own: EdgeMap,
     source: str,
-    calibration: ScoreCalibration | None = None,
+    calibration: ScoreCalibration = PRIOR_CALIBRATION,
     ask: Callable[[Mask], Plane] | None = None,
 ) -> EdgeMap:
     if scene.params.edges.evidence == "edges":
         return strength_edges(values, own)
     if scene.has_hints:
-        return with_clicks(scene, own, certain_odds(values), ask, calibration or PRIOR_CALIBRATION)
+        return with_clicks(scene, own, certain_odds(values), ask, calibration)
     edges = evidence_edges(at_level(values, scene.params.region.probability), own, source)
     return edges if edges is own else replace(edges, calibration=calibration)
 

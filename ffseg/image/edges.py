@@ -100,8 +100,8 @@ class EdgeMap:
     odds : ndarray of float32, shape (H, W), or None
         Where evidence tells a region: the log odds of inside, 0 where the region ends. The edges wall it in: all that
         hangs together in it belongs together, also through places too narrow for a contour.
-    calibration : ScoreCalibration, optional
-        What the overlap that these promise is worth; that of the prior where none is given.
+    calibration : ScoreCalibration
+        What the overlap that these promise is worth.
     kept : ndarray of bool, shape (H, W), or None
         Where clicks correct what a model or a map says: the region it tells, but for what clicks take away.
     trial : tuple, optional
@@ -128,7 +128,7 @@ class EdgeMap:
     odds: NDArray[np.float32] | None = None
     kept: NDArray[np.bool_] | None = None
     trial: tuple[EdgeMap, Any] | None = None
-    calibration: ScoreCalibration | None = None
+    calibration: ScoreCalibration = PRIOR_CALIBRATION
 
     def magnitude(self) -> NDArray[np.float64]:
         """Gradient magnitude in grey levels per pixel, shape (H, W)."""
@@ -172,7 +172,7 @@ def require_edges(edges: EdgeMap, shape: tuple[int, ...]) -> None:
     if numbers.shape != (2,) or numbers.dtype.kind not in "iuf" or not np.isfinite(numbers).all():
         raise SegmentationError(f"the edge map's thresholds are {edges.thresholds!r}; give (low, high)")
     told: object = edges.calibration
-    if not (told is None or isinstance(told, ScoreCalibration)):
+    if not isinstance(told, ScoreCalibration):
         raise SegmentationError(f"the edge map's calibration is {type(told).__name__}; give an ffseg.ScoreCalibration")
 
 

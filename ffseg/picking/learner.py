@@ -9,7 +9,7 @@ import sys
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, suppress
-from typing import Any
+from dataclasses import dataclass
 
 from ffseg.errors import FfsegError, ImageReadError, ParameterError
 from ffseg.evidence.source import ready
@@ -75,23 +75,42 @@ class Background:
             process.terminate()
 
 
-def learn_summary(document: str) -> tuple[str, list[str], bool]:
-    """What ``ffseg learn --json`` has found: a line to show, images the least sure first, and whether the model is of use."""
+@dataclass(frozen=True, slots=True)
+class Learned:
+    """What ``ffseg learn --json`` has found.
+
+    Attributes
+    ----------
+    line : str
+        To be shown.
+    order : list of str
+        Images, the least sure first.
+    of_use, measured : bool
+        Of the model; whether it is of use is taken for granted before it is measured.
+    startless : bool
+        Whether it was kept without starts, as those that it found mostly lay elsewhere.
+    """
+
+    line: str
+    order: list[str]
+    of_use: bool = True
+    measured: bool = False
+    startless: bool = False
+
+
+def learn_summary(document: str) -> Learned:
+    """What a document of ``ffseg learn --json`` says."""
     found = json.loads(document)
-    iou, without = found["iou"], found["without"]
+    iou, without, order = found["iou"], found["without"], found.get("order") or []
     if iou is None or without is None:
-        return f"learned from {found['masks']} masks, now measured on each left out", found.get("order") or [], True
-    where = "from a click in each" if _startless(found) else "on the rest"
+        return Learned(f"learned from {found['masks']} masks, now measured on each left out", order)
+    startless = found.get("met") is not None and not found["searched"]
+    where = "from a click in each" if startless else "on the rest"
     line = f"{found['masks']} masks: {_short(iou)} expected {where}"
-    more = found["more"]
-    line += f"; {_gain(found['curve'])}" if more else "; more masks will hardly raise it"
+    line += f"; {_gain(found['curve'])}" if found["more"] else "; more masks will hardly raise it"
     # what finds starts spares a click in each image, and a run that begins in the middle; else all depends on what it adds
-    return line, found.get("order") or [], found["helps"] is True if _startless(found) else iou >= without
-
-
-def _startless(found: dict[str, Any]) -> bool:
-    """Whether a model was kept without starts, as those that it found mostly lay elsewhere."""
-    return found.get("met") is not None and not found["searched"]
+    of_use = found["helps"] is True if startless else iou >= without
+    return Learned(line, order, of_use, measured=True, startless=startless)
 
 
 def _gain(curve: Sequence[Sequence[float]]) -> str:
@@ -173,12 +192,12 @@ class Work:
             if kept["of"] != self._of:
                 return False
             figures = str(kept["figures"])
-            of_use, measured = self._say(figures)
+            learned = self._say(figures)
         except (ImageReadError, ValueError, KeyError, TypeError):  # none, or not to be read: learned anew
             return False
-        if of_use and not self.project.model:
+        if learned.of_use and not self.project.model:
             return False
-        if not measured:
+        if not learned.measured:
             self._start(measuring=True)
         return True
 
@@ -190,13 +209,11 @@ class Work:
         except ParameterError:
             self._use(learned=False)
 
-    def _say(self, figures: str) -> tuple[bool, bool]:
-        self.line, self.order, of_use = learn_summary(figures)
-        self.line += "" if of_use else "; it is not used"
-        found = json.loads(figures)
-        measured = found["iou"] is not None
-        self._trusted = of_use and not _startless(found) if measured else self._trusted
-        return of_use, measured
+    def _say(self, figures: str) -> Learned:
+        found = learn_summary(figures)
+        self.line, self.order = found.line + ("" if found.of_use else "; it is not used"), found.order
+        self._trusted = found.of_use and not found.startless if found.measured else self._trusted
+        return found
 
     def _start(self, *, measuring: bool) -> None:
         self._measuring = measuring
@@ -214,9 +231,9 @@ class Work:
         if code:
             self.line = f"nothing was learned: {last_line(err)}"
             return
-        of_use, measured = self._say(out)
-        if measured or self._trusted:
-            self._use(learned=of_use)
+        found = self._say(out)
+        if found.measured or self._trusted:
+            self._use(learned=found.of_use)
         kept = json.dumps({"of": self._of, "figures": out})
         write_bytes_atomic(self.project.path(LEARNED), kept.encode("ascii"))
         if self.project.learned_from() != self._of:

@@ -134,8 +134,7 @@ class Lesson:
         params = load_params()
         labelled = [LabelledImage(one.name, one.image, one.truth, params, None) for one in self.taught]
         model, figures = learn_and_measure(TrainingSet(labelled, [], {}), params, lambda _: None)
-        *_, of_use = learn_summary(json.dumps(without_nan(asdict(figures))))
-        if not of_use:
+        if not learn_summary(json.dumps(without_nan(asdict(figures)))).of_use:
             return self.others
         Path(self.path).write_bytes(to_bytes(model))
         return [replace(one, model=self.path) for one in self.others]
