@@ -236,7 +236,10 @@ def inspect(data: bytes, limits: Limits) -> Header:
         raise ImageReadError("no-pixels", f"the {header.format} header claims {header.width}x{header.height} pixels")
     if header.width * header.height > limits.max_pixels:
         claim = f"{header.width}x{header.height} pixels are more than the limit of {limits.max_pixels}"
-        raise ImageReadError("too-many-pixels", f"{claim}; raise the limit or scale the image down")
+        raise ImageReadError(
+            "too-many-pixels",
+            f"{claim}; scale the image down, or raise the limit: run --max-pixels, ffseg.Limits in Python",
+        )
     if max(header.width, header.height) > limits.max_side:
         claim = f"{header.width}x{header.height} pixels: no side may be longer than {limits.max_side}"
         raise ImageReadError("too-many-pixels", f"{claim}; scale the image down or cut it into pieces")
