@@ -5,6 +5,7 @@ Two definitions of one name in the core are found by the build of all sources as
 
 import ast
 import re
+import tomllib
 from collections import Counter
 from itertools import chain
 from pathlib import Path
@@ -89,3 +90,19 @@ def test_each_room_has_its_namespace(path: Path) -> None:
     folder = path.parent.relative_to(CORE)
     room = "ffseg" if folder.name == "common" else f"ffseg::{folder.name}"
     assert set(re.findall(r"^namespace ([\w:]+) \{", path.read_text("utf-8"), re.M)) <= {room}
+
+
+def test_what_the_tests_need_goes_with_the_oldest_dependencies() -> None:
+    """Else `check.py --oldest` finds nothing to install: they once asked for a newer PyAV than films do."""
+    project = tomllib.loads((PACKAGE.parent / "pyproject.toml").read_text("utf-8"))["project"]
+    extras = project["optional-dependencies"]
+
+    def floors(lines: list[str]) -> dict[str, list[int]]:
+        found = (re.match(r"([\w-]+)(?:\[\w+\])?>=([\d.]+)", line) for line in lines)
+        return {one[1]: [int(part) for part in one[2].split(".")] for one in found if one}
+
+    runs_with = [line for name, lines in extras.items() if name not in {"test", "docs"} for line in lines]
+    allowed = floors(project["dependencies"] + runs_with)
+    needed = floors(extras["test"])
+    assert len(allowed.keys() & needed.keys()) > 5
+    assert [name for name in allowed.keys() & needed.keys() if needed[name] > allowed[name]] == []
