@@ -31,11 +31,12 @@ from ffseg.image.free import distances
 from ffseg.image.opencv_peers import dilated_by_disc
 from ffseg.image.parts import parts_holding
 from ffseg.image.raster import rasterize
+from ffseg.parameters import Seed
 from ffseg.scene import Scene
 from ffseg.starts.boxes import in_boxes
 from ffseg.starts.initial import circle_start, middles
 from ffseg.starts.parts import start_core
-from ffseg.starts.rivals import POINT_RADIUS, add_disc, seeds
+from ffseg.starts.rivals import add_disc, disc_of, seeds
 
 CLICK_REACH = 4.0
 """Radius within which a click counts, in units of its depth: the distance from the click to the nearest pixel of its side."""
@@ -227,7 +228,7 @@ def with_clicks(
     if first.any():
         beyond = np.zeros_like(inside) if scene.background is None else scene.background > 0
         clicked = ClickedImage(appearance_of(scene), first, beyond, base, level, within, ask)
-        state = state_after_all(clicked, circles, [_outside(*point) for point in points])
+        state = state_after_all(clicked, circles, [_outside(point, scene.shape) for point in points])
         if state is not None:
             odds, kept = _at_full_size(clicked, state)
             odds[dilated_by_disc(inside, HELD_RADIUS)] = MAX_LOG_ODDS
@@ -254,8 +255,8 @@ def _in_boxes(scene: Scene, odds: Plane) -> Scene:
     return in_boxes(growing, np.where(outside, np.float32(-MAX_LOG_ODDS), odds))
 
 
-def _outside(x: float, y: float, radius: float = POINT_RADIUS, after: float | None = None) -> Click:
-    return Click(x, y, max(radius, POINT_RADIUS), False, after)
+def _outside(point: Seed, shape: tuple[int, int]) -> Click:
+    return Click(*disc_of(point, shape), False, point[3] if len(point) == 4 else None)
 
 
 def _first(scene: Scene, inside: Mask) -> tuple[Mask, list[Click]]:

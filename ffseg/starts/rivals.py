@@ -11,13 +11,14 @@ from ffseg.arrays import Array, Image, Mask
 from ffseg.errors import SegmentationError
 from ffseg.image.parts import connected_parts
 from ffseg.native import _core
-from ffseg.parameters import Seed
+from ffseg.parameters import Circle, Seed
 from ffseg.scene import Scene
+from ffseg.starts.initial import click_radius
 
 SEED_IN_START = "a background seed lies in the start region; move init.background or the start"
 
-POINT_RADIUS = 2.0
-"""Pixels: radius of the disc that stands for a point or a smaller circle, as a single pixel may be noise."""
+MIN_SEED_RADIUS = 2.0
+"""Pixels: radius of the disc that stands for a smaller circle, as a single pixel may be noise."""
 
 HALF_SPEED_SLOPE = 4.0
 """Grey levels per pixel: gradient at which the speed of a front is halved. On photographs of objects 3 to 12 do equally
@@ -84,16 +85,22 @@ def seeds(points: Iterable[Seed], start: Mask, background: Image | None = None) 
     """
     shape = start.shape
     found = np.zeros(shape, np.bool_)
-    for column, row, *radius in points:
+    for column, row, radius in (disc_of(point, shape) for point in points):
         if start[min(round(row), shape[0] - 1), min(round(column), shape[1] - 1)]:
             raise SegmentationError(SEED_IN_START)
-        add_disc(found, column, row, max([POINT_RADIUS, *radius[:1]]))
+        add_disc(found, column, row, radius)
     if background is not None:
         if (start & (background > 0)).any():
             raise SegmentationError(SEED_IN_START)
         found |= background > 0
     found &= ~start
     return found
+
+
+def disc_of(point: Seed, shape: tuple[int, int]) -> Circle:
+    """The disc that a background seed stands for, px: a point is a click."""
+    x, y, *radius = point
+    return x, y, max(radius[0] if radius else click_radius(shape), MIN_SEED_RADIUS)
 
 
 def add_disc(mask: Mask, x: float, y: float, radius: float) -> None:

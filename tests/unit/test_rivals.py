@@ -11,6 +11,7 @@ from commands import Command
 import ffseg
 from ffseg.errors import ParameterError, SegmentationError
 from ffseg.metrics import iou
+from ffseg.starts.initial import click_radius
 from tests.discs import bright_disc
 from tests.masks import read_mask, write_image
 
@@ -47,17 +48,24 @@ def test_a_point_will_do_and_the_meeting_is_half_way() -> None:
 
 
 @pytest.mark.parametrize("radius", [0.1, 0.5, 1.0])
-def test_a_circle_smaller_than_a_point_is_one(radius: float) -> None:
+def test_a_circle_of_less_than_two_pixels_is_one_of_two(radius: float) -> None:
     """It lay in the region, up to 30 px deep: it was narrower than what holds a contour."""
     room = np.full((120, 150), 150, np.uint8)
     cv2.rectangle(room, (10, 10), (139, 109), 60, 3)
     start = {"init.center": [40, 60], "init.radius": 12}
-    point, small = (ffseg.segment(room, {**start, "init.background": [[100, 60, *r]]}) for r in ([], [radius]))
-    np.testing.assert_array_equal(point.mask, small.mask)
+    least, small = (ffseg.segment(room, {**start, "init.background": [[100, 60, r]]}) for r in (2.0, radius))
+    np.testing.assert_array_equal(least.mask, small.mask)
     assert not small.mask[60, 100]
 
 
-def beside_a_disc(source: str, *seeds: tuple[int, int, int]) -> ffseg.Segmentation:
+def test_a_point_is_a_click() -> None:
+    """It was a disc of 2 px, too narrow to teach anything: 47 photographs had an IoU of .64 after three clicks for .77."""
+    points, clicks = (beside_a_disc("hints", (340, 60, *radius)) for radius in ((), (click_radius((120, 400)),)))
+    np.testing.assert_array_equal(points.mask, clicks.mask)
+    assert not points.mask[60, 330:350].any()
+
+
+def beside_a_disc(source: str, *seeds: tuple[float, ...]) -> ffseg.Segmentation:
     """Plain ground with a disc at (340, 60), of radius 25, far from the start."""
     image = bright_disc((120, 400), (340, 60), 25)
     start = {"init.center": [30, 60], "init.radius": 8, "edges.source": source}
