@@ -125,9 +125,7 @@ class Init(Section):
     )
     mask: str | None = declared(None, FilePath(), "image whose outlines are the start contours")
     background: tuple[Seed, ...] = declared(
-        (),
-        Many(_SEED, _MAX_STARTS),
-        "points (clicks) and circles outside: the contour stops at them; after: so many circles",
+        (), Many(_SEED, _MAX_STARTS), "clicks and circles outside: the contour stops at them; after: so many circles"
     )
     background_mask: str | None = declared(None, FilePath(), "image that is nonzero at what lies outside the region")
 
