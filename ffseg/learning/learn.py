@@ -180,9 +180,8 @@ def _sampled(gathered: TrainingSet, params: Parameters, tell: Tell) -> tuple[Tra
             refused.append(UsageError(f"{printable(one.name)}: {error}"))
     if not chosen:
         raise refused[0]
-    return replace(gathered, labelled=labelled, passed_over=(*gathered.passed_over, *map(str, refused))), SampleSet(
-        chosen
-    )
+    passed_over = (*gathered.passed_over, *map(str, refused))
+    return replace(gathered, labelled=labelled, passed_over=passed_over), SampleSet(chosen)
 
 
 def _unmeasured(count: int) -> CrossValidation:

@@ -144,15 +144,15 @@ class SampleSet:
                 np.concatenate(self._whole.inside).astype(np.float32),
                 params={**SETTINGS, "learning_rate": LEARNING_RATE, "min_data_in_leaf": least},
             ).construct()
-        data = bins[names].subset(())
+        data = bins[names].subset(())  # which would make a list of the numbers, forty bytes each
         data.used_indices = np.concatenate([np.arange(ends[i], ends[i + 1], dtype=np.int32) for i in self.numbers])
-        data.construct()  # it would have made a list of them, forty bytes each
+        data.construct()
         weights = np.concatenate([np.full(len(one), 1 / len(one)) for one in self.inside])
         return data.set_weight(weights / weights.mean())
 
 
 def at_once(work: Callable[[Any], T], items: Sequence[Any]) -> Iterator[T]:
-    """What comes of each, in order."""
+    """What comes of each, in order; as many are at work as there are cores, but no more than `MAX_AT_ONCE`."""
     with ThreadPoolExecutor(min(cores(), MAX_AT_ONCE)) as pool:
         yield from pool.map(work, items)
 
