@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
@@ -89,7 +90,6 @@ class SampleSet:
         self._whole = self if whole is None else whole
         self.numbers = tuple(range(len(images)) if whole is None else numbers)
         self._bins: dict[tuple[str, ...], Any] = {}
-        self._thin: SampleSet | None = None
         self._forests: dict[tuple[tuple[int, ...], bool], Forest] = {}
 
     def __len__(self) -> int:
@@ -113,19 +113,29 @@ class SampleSet:
 
     def thinned(self) -> SampleSet:
         """Some pixels of each: enough to see how well the images teach each other."""
-        whole = self._whole
-        if whole._thin is None:
-            few = slice(None, None, SUBSAMPLING * -(-len(whole) // FOLDS))
-            priors = [None if one.prior is None else one.prior[few] for one in whole.images]
-            both = zip(whole.images, priors, strict=True)
-            whole._thin = SampleSet([Samples(one.rows[few], one.inside[few], prior) for one, prior in both])
-        return whole._thin.some(self.numbers)
+        return self._whole._thin.some(self.numbers)
+
+    @cached_property
+    def _thin(self) -> SampleSet:
+        few = slice(None, None, SUBSAMPLING * -(-len(self) // FOLDS))
+        priors = [None if one.prior is None else one.prior[few] for one in self.images]
+        both = zip(self.images, priors, strict=True)
+        return SampleSet([Samples(one.rows[few], one.inside[few], prior) for one, prior in both])
+
+    @property
+    def base_odds(self) -> list[Floats]:
+        """Log odds of the pixels of each image by the base."""
+        return [self._whole._base_odds[i] for i in self.numbers]
+
+    @cached_property
+    def _base_odds(self) -> list[Floats]:
+        return [odds_of(base(), one.rows) for one in self.images]
 
     def small_forest(self, *, corrected: bool) -> Forest:
         """A small forest of these images, alone or correcting the base: grown once, however often these are what is left."""
         forests, key = self._whole._forests, (self.numbers, corrected)
         if key not in forests:
-            begin = [odds_of(base(), one.rows) for one in self.images] if corrected else None
+            begin = self.base_odds if corrected else None
             forests[key] = grow(self, trees=round(TREES * CORRECTION_FRACTION), begin=begin)
         return forests[key]
 
@@ -291,7 +301,7 @@ def grow_inside(chosen: SampleSet, trees: int = TREES) -> tuple[Forest, BaseChoi
     On floors that the base has not seen, correcting it gives an IoU higher by .07 from five masks; on road frames, of
     which it knows little, one lower by .04, and it is left aside.
     """
-    odds = [odds_of(base(), one.rows) for one in chosen.images]
+    odds = chosen.base_odds
     base_choice = choose_base(chosen, odds)
     if not base_choice.corrected:
         return grow(chosen, trees=trees), base_choice
@@ -304,8 +314,8 @@ def _left_out_overlap(chosen: SampleSet, *, corrected: bool, prior: float = 0.0)
     odds, inside = list[Floats](), list[Mask]()
     for others, part in chosen.thinned().left_out():
         forest = others.small_forest(corrected=corrected)
-        for one in part.images:
-            told = odds_of(forest, one.rows) + (odds_of(base(), one.rows) if corrected else np.float32(0))
+        for one, known in zip(part.images, part.base_odds, strict=True):
+            told = odds_of(forest, one.rows) + (known if corrected else np.float32(0))
             odds.append(told if one.prior is None else told + np.float32(prior) * one.prior)
             inside.append(one.inside)
     return mean_overlap(odds, inside)

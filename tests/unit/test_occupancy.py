@@ -126,7 +126,8 @@ def test_what_a_domain_leaves_out_is_unknown() -> None:
         grid = OccupancyMap(cell=0.02)
         assert grid.fuse("0", Sighting(mask, CAMERA, domain=one), planar_pose(CAMERA, 0.0, 0.0, 0.0))
         walls.append(int(((grid.probability > 0.65) & (np.hypot(*np.moveaxis(centres(grid), -1, 0)) < 1.3)).sum()))
-    assert walls[0] > 0 == walls[1]
+    assert walls[0] >= 8  # with OpenCV 4.11; with 5 it is 10 or more
+    assert walls[1] == 0
 
 
 def test_a_mask_read_between_its_pixels_is_as_sharp_as_its_edges() -> None:
