@@ -25,9 +25,9 @@ Seed = tuple[float, float] | tuple[float, float, float] | tuple[float, float, fl
 
 MAX_COORDINATE = 100_000
 """Pixels. No image has a longer side, and a start of this size can still be cut into patches."""
-START_RADIUS_FRACTION, MIN_START_RADIUS = 1 / 15, 2.0
-"""Default radius of the start circle, as a fraction of the image's shorter side (the paper's images: 40 px of 600), and
-the smallest radius, px: a smaller circle of patches crosses itself before any sample can move."""
+START_RADIUS_FRACTION, CLICK_RADIUS_FRACTION, MIN_START_RADIUS = 1 / 15, 0.01, 2.0
+"""Radius of a start circle alone, as a fraction of the shorter side (the paper's images: 40 px of 600); of a click, as a
+fraction of the longer one; and the smallest, px: a smaller circle of patches crosses itself before any sample can move."""
 ZERO_BALLOON = "contour.balloon: 0 moves no free-form contour; write a number above 0 to grow, below 0 to close in"
 _POSITIVE = Number(0, above=True)
 _PLACE, _RADIUS = Number(-MAX_COORDINATE, MAX_COORDINATE), Number(0, MAX_COORDINATE, above=True)
@@ -37,6 +37,11 @@ _BOX = Row(("left", "top", "right", "bottom"), (_PLACE,) * 4)
 _THRESHOLDS = Row(("low", "high"), (Number(0, 10_000),) * 2, "ascending")  # no magnitude of 8-bit grey exceeds 1443
 _MAX_STARTS = 1000
 _SEED = Row(("x", "y", "radius", "after"), (_PLACE, _PLACE, _RADIUS, Number(0, _MAX_STARTS)), fewest=2)
+
+
+def click_radius(shape: tuple[int, ...]) -> float:
+    """Radius of the disc that a click stands for in an image of shape (H, W, ...), px."""
+    return max(MIN_START_RADIUS, round(CLICK_RADIUS_FRACTION * max(shape[:2]), 1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,9 +86,7 @@ class Edges(Section):
         "auto = gradient where its edges are clear, else prior (learned); or module:function of your own",
     )
     sigma: float = declared(1.5, Number(0, 20, above=True), "px, standard deviation of the smoothing Gaussian")
-    exponent: float = declared(
-        2.0, Number(1, 8), "p of the edge force |grad|^p (Eq. 8); the free form has no such force"
-    )
+    exponent: float = declared(2.0, Number(1, 8), "p of the edge force |grad|^p (Eq. 8), which the free form lacks")
     canny: tuple[float, float] | Literal["auto"] = declared(
         "auto", OrWord("auto", _THRESHOLDS), "Canny thresholds on the gradient magnitude of 8-bit grey"
     )
@@ -115,9 +118,7 @@ class Init(Section):
         "auto", OrWord("auto", _POINT), "px; auto = image centre, or the camera's principal point"
     )
     radius: float | Literal["auto"] = declared(
-        "auto",
-        OrWord("auto", _RADIUS),
-        "px, radius of the start circle; auto = a fifteenth of the image's shorter side",
+        "auto", OrWord("auto", _RADIUS), "px; auto = a fifteenth of the shorter side, less where edges part that"
     )
     circles: tuple[Circle, ...] = declared((), Many(_CIRCLE, _MAX_STARTS), "start circles instead of center, radius")
     boxes: tuple[Box, ...] = declared(
@@ -130,8 +131,12 @@ class Init(Section):
     background_mask: str | None = declared(None, FilePath(), "image that is nonzero at what lies outside the region")
 
     def radius_in(self, shape: tuple[int, ...]) -> float:
-        """Radius of the start circle in an image of shape (H, W, ...), px."""
+        """Radius of a start circle alone in an image of shape (H, W, ...), px."""
         return max(START_RADIUS_FRACTION * min(shape[:2]), MIN_START_RADIUS) if self.radius == "auto" else self.radius
+
+    def click_radius_in(self, shape: tuple[int, ...]) -> float:
+        """Radius of a start circle that others, boxes or clicks outside correct, px."""
+        return click_radius(shape) if self.radius == "auto" else self.radius
 
 
 @dataclass(frozen=True, slots=True)
@@ -456,7 +461,7 @@ def presets() -> dict[str, Path]:
 
 def _file(source: str | os.PathLike[str], problems: Problems) -> Node:
     name = os.fspath(source)
-    if isinstance(source, str) and not _looks_like_path(name):
+    if isinstance(source, str) and not (name.endswith((".yaml", ".yml", ".json")) or os.sep in name or "/" in name):
         known = presets()
         if name not in known and not os.path.exists(name):
             hint = nearest(name, list(known))
@@ -466,10 +471,6 @@ def _file(source: str | os.PathLike[str], problems: Problems) -> Node:
     from ffseg.schema import strict_yaml  # loads yaml, 13 ms that a worker need not spend
 
     return strict_yaml.read(name, problems)
-
-
-def _looks_like_path(name: str) -> bool:
-    return name.endswith((".yaml", ".yml", ".json")) or os.sep in name or "/" in name
 
 
 def _override_nodes(overrides: Overrides | None, problems: Problems) -> list[Node]:

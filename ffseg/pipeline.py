@@ -8,7 +8,7 @@ from time import perf_counter
 import numpy as np
 
 from ffseg.arrays import Mask
-from ffseg.contour import ContourResult, contour, trial_result
+from ffseg.contour import ContourResult, contour, run, trial_result
 from ffseg.enlargement import before_enlargement, enlarged
 from ffseg.errors import ParameterError
 from ffseg.geometry.freeform import FreeForm
@@ -158,9 +158,11 @@ def source_of(scene: Scene) -> str:
 
 
 def contour_of(scene: Scene) -> ContourResult:
-    """The contour of a scene; one that its evidence has asked for already is not asked for again."""
+    """The contour of a scene; one that its evidence has asked for already is asked for again only to be watched."""
     trial = None if scene.edges_given else trial_result(scene.edges)
-    return contour(scene) if trial is None or scene.callback is not None else trial
+    if trial is None or scene.callback is None:
+        return trial or contour(scene)
+    return replace(trial, outcome=run(replace(trial.scene, callback=scene.callback, every=scene.every)))
 
 
 def region(found: ContourResult) -> tuple[tuple[FreeForm, ...], Mask]:

@@ -7,15 +7,17 @@ from time import perf_counter
 
 import numpy as np
 
-from ffseg.contour import ContourResult, bounded, run
+from ffseg.contour import ContourResult, bounded, contour, run
 from ffseg.evidence.gradient import gradient
+from ffseg.evidence.maps import expected_overlap
+from ffseg.evidence.surroundings import STRIDE, strided
 from ffseg.image.boundary import CHECK_INTERVAL, Boundary, FaintError, unless_faint
 from ffseg.image.components import filled
 from ffseg.image.edges import EdgeMap
 from ffseg.image.opencv_peers import dilated_by_disc
 from ffseg.scene import BlockedStartError, Scene
 from ffseg.starts.rivals import rivals_of
-from ffseg.starts.sides import on_one_side
+from ffseg.starts.sides import click_in_parted, on_one_side
 
 MET_STRENGTH = 0.5
 """Edge strength from which on a point of the contour counts as lying on an edge."""
@@ -32,16 +34,34 @@ def auto(scene: Scene) -> EdgeMap:
     edges = gradient(scene)
     if scene.params.edges.canny != "auto":
         return edges
-    found = _trial(replace(scene, edges=edges, callback=None))
-    if found is not None and not (_holds_rivals(found, scene) or _mends_a_rim(found, scene)):
-        return replace(edges, trial=(edges, found))
+    scene = replace(scene, edges=edges, callback=None)
+    click, *said = (None,) if scene.has_hints else click_in_parted(scene)
+    for one, messages in ((click, said), (scene, ())):
+        found = None if one is None else _trial(one)
+        if found is not None and not (_holds_rivals(found, scene) or _mends_a_rim(found, scene)):
+            return _tried(found, *messages)
     if scene.has_hints:
         from ffseg.evidence.clicks import with_clicks  # these load forests, which clear edges do not need
 
         return with_clicks(scene, edges)
     from ffseg.evidence.prior import with_prior
 
-    return with_prior(scene, edges)
+    if click is None:
+        return with_prior(scene, edges)
+    wide, found = (contour(replace(one, edges=with_prior(one, edges))) for one in (scene, click))
+    return _tried(found, *said) if _promised(found) > _promised(wide) else _tried(wide)
+
+
+def _tried(found: ContourResult, *messages: str) -> EdgeMap:
+    """The map that a contour was asked for on, with that contour."""
+    edges = found.scene.edges
+    return replace(edges, trial=(edges, replace(found, messages=(*messages, *found.messages))))
+
+
+def _promised(found: ContourResult) -> float:
+    """The overlap to expect of a region by its evidence; none where that tells of no region."""
+    odds = found.scene.edges.odds
+    return 0.0 if odds is None else expected_overlap(strided(odds), found.region()[::STRIDE, ::STRIDE])
 
 
 def _holds_rivals(found: ContourResult, scene: Scene) -> bool:

@@ -82,17 +82,19 @@ class Start:
 
     def placed(self, params: Parameters, shape: tuple[int, ...]) -> Parameters:
         """The parameters with what was picked in this image of shape (H, W, ...)."""
-        init, radius = params.init, params.init.radius_in(shape)
+        init, found = params.init, self.found and params.edges.model is not None
+        click = init.click_radius_in(shape)
         circles = [
-            (one.x, one.y, radius if one.radius is None else one.radius)
+            (one.x, one.y, click if one.radius is None else one.radius)
             for one in self.circles
             if one.x is not None and one.y is not None
         ]
-        found = self.found and params.edges.model is not None
-        if circles:
-            alone = len(circles) == 1 and not (self.boxes or init.boxes or found)
+        if len(circles) == 1 and not (self.boxes or init.boxes or found):
+            radius = init.radius if self.circles[0].radius is None else circles[0][2]
+            init = replace(init, center=circles[0][:2], radius=radius, circles=())
+        elif circles:
             center: Point | Literal["auto"] = "auto" if found else circles[0][:2]
-            init = replace(init, center=center, radius=circles[0][2], circles=() if alone else tuple(circles))
+            init = replace(init, center=center, radius=circles[0][2], circles=tuple(circles))
         init = replace(init, boxes=self.boxes or init.boxes, background=(*init.background, *self.background))
         contour, region, edges = params.contour, params.region, params.edges
         if self.clearance is not None:

@@ -13,8 +13,7 @@ from ffseg.evidence.features import ALL_FEATURES, features, reduced_mean
 from ffseg.evidence.prior import prior
 from ffseg.image.appearance import WORKING_SIZE, Appearance
 from ffseg.metrics import IGNORED, INSIDE, OUTSIDE
-from ffseg.parameters import Parameters
-from ffseg.starts.initial import click_radius
+from ffseg.parameters import Parameters, click_radius
 
 STARTS = 5
 """Starts from which each training image is seen: its own, and others drawn inside its mask, so that the forest learns

@@ -29,7 +29,7 @@ from ffseg.io.labels import Labels
 from ffseg.io.masks import encode_mask, named_masks
 from ffseg.io.starts import check_starts
 from ffseg.parameter_text import as_settings
-from ffseg.parameters import Parameters, load_params
+from ffseg.parameters import Parameters, click_radius, load_params
 from ffseg.picking.learner import Work
 from ffseg.picking.open_image import OpenImage, PickedRegion
 from ffseg.picking.picks import ImagePicks
@@ -37,7 +37,6 @@ from ffseg.picking.project import REGIONS, RUN, STARTS, Project, size_of
 from ffseg.pipeline import outlines_of
 from ffseg.plugins import check_source
 from ffseg.schema.kinds import names_code
-from ffseg.starts.initial import click_radius
 
 MAX_OPEN = 3
 """Images that are held decoded: the one that is picked in, the one before and the one after."""

@@ -19,15 +19,6 @@ MIDDLE_RADIUS_FRACTION = 0.25
 offers no better place."""
 
 
-CLICK_RADIUS_FRACTION, MIN_CLICK_RADIUS = 0.01, 2.0
-"""Radius of the disc that a click in `ffseg pick` stands for, as a fraction of the longer side; at least so many pixels."""
-
-
-def click_radius(shape: tuple[int, ...]) -> float:
-    """Radius of a click's disc in an image of shape (H, W, ...), px."""
-    return max(MIN_CLICK_RADIUS, round(CLICK_RADIUS_FRACTION * max(shape[:2]), 1))
-
-
 def start_contours(
     shape: tuple[int, int],
     params: Parameters,
@@ -63,7 +54,9 @@ def start_contours(
     if start_mask is not None:
         return _from_mask(start_mask, shape, params, domain)
     if not circles and not boxes:
-        circles = ((*_center(shape, params, center), params.init.radius_in(shape)),)
+        corrected = params.init.background and center is None
+        radius = params.init.click_radius_in(shape) if corrected else params.init.radius_in(shape)
+        circles = ((*_center(shape, params, center), radius),)
     for x, y, radius in circles:
         _check_inside((x, y), shape, f"the start circle at ({x:g}, {y:g}), radius {radius:g}")
     for box in boxes:

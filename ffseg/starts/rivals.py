@@ -11,9 +11,8 @@ from ffseg.arrays import Array, Image, Mask
 from ffseg.errors import SegmentationError
 from ffseg.image.parts import connected_parts
 from ffseg.native import _core
-from ffseg.parameters import Circle, Seed
+from ffseg.parameters import Circle, Seed, click_radius
 from ffseg.scene import Scene
-from ffseg.starts.initial import click_radius
 
 SEED_IN_START = "a background seed lies in the start region; move init.background or the start"
 

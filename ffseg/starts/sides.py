@@ -15,6 +15,7 @@ from ffseg.image.components import filled
 from ffseg.image.free import clear_distances, free_pixels, open_ground, open_sides
 from ffseg.image.parts import connected_parts
 from ffseg.image.raster import rasterize
+from ffseg.parameters import click_radius
 from ffseg.scene import Scene
 from ffseg.starts.initial import circle_start
 from ffseg.starts.moved import SIZE_WEIGHT, SPARE_MARGIN, Circle, as_circle, nearest_free_circle
@@ -30,6 +31,10 @@ EDGE_REACH = 3
 SEARCH_RADII = 1 + SIZE_WEIGHT
 """Search distance from the centre of the start, in radii; less where what is farther costs more than the worst that would be
 accepted."""
+
+
+MIN_PARTED = 2
+"""So many sides of edges have pixels of a start of no named radius, from which on it may be wider than what is meant."""
 
 
 def on_one_side(scene: Scene) -> tuple[Scene, tuple[str, ...], bool]:
@@ -82,6 +87,28 @@ def on_one_side(scene: Scene) -> tuple[Scene, tuple[str, ...], bool]:
     kept = all(start is old for start, old in zip(starts, scene.starts, strict=True))
     left = tuple(start for start in starts if start is not None)
     return (scene if kept else replace(scene, starts=left)), tuple(messages), across
+
+
+def click_in_parted(scene: Scene) -> tuple[Scene | None, str]:
+    """The scene with a click in place of a start whose radius nobody named, and a message, where edges part that; else none.
+
+    A circle of that radius may hold a small thing whole. What lies in the middle of an image, or of a mirror, nobody points at.
+    """
+    init, (wide, *_) = scene.params.init, scene.starts
+    named = init.center == "auto" or init.radius != "auto" or init.circles or init.boxes or scene.start_mask is not None
+    radius = click_radius(scene.shape)
+    if named or scene.disc is not None or scene.params.contour.balloon < 0 or radius >= init.radius_in(scene.shape):
+        return None, ""
+    inside = scene.start_region()
+    if not scene.edges.edges[inside].any():
+        return None, ""
+    sides = open_sides(free_pixels(scene.edges.edges, scene.domain))[inside]
+    if np.count_nonzero(np.bincount(sides)[1:]) < MIN_PARTED:
+        return None, ""
+    click = circle_start((*wide.control_points.mean(axis=0).tolist(), radius), scene.params)
+    before, after = (as_circle(one).enlarged(scene.factor) for one in (wide, click))
+    message = f"edges part the start at {before}: it was taken for a click, of radius {after.radius:.4g}"
+    return replace(scene, starts=(click,)), message
 
 
 def _window(start: Circle, reach: float) -> tuple[tuple[slice, slice], tuple[int, int]]:

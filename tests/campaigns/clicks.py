@@ -36,9 +36,8 @@ from ffseg.learning.drawn.sights import KINDS, sights
 from ffseg.learning.gather import LabelledImage, TrainingSet
 from ffseg.learning.learn import learn_and_measure
 from ffseg.metrics import IGNORED, INSIDE, iou
-from ffseg.parameters import Parameters, load_params
+from ffseg.parameters import Parameters, click_radius, load_params
 from ffseg.picking.learner import learn_summary
-from ffseg.starts.initial import click_radius
 from tests.campaigns import harness
 from tests.campaigns.real_images import SETS, load
 from tests.masks import box_round

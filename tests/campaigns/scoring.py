@@ -20,9 +20,8 @@ from ffseg.io.images import prepare_worker
 from ffseg.learning.drawn.clicks import Clicks
 from ffseg.learning.drawn.sights import KINDS, Sight, sights
 from ffseg.metrics import iou
-from ffseg.parameters import Init, load_params
+from ffseg.parameters import Init, click_radius, load_params
 from ffseg.result import Segmentation
-from ffseg.starts.initial import click_radius
 from tests.campaigns import harness
 from tests.campaigns.real_sets import spearman
 from tests.masks import box_round

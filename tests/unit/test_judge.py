@@ -13,7 +13,7 @@ import ffseg
 from ffseg.learning.drawn.clicks import Clicks
 from ffseg.learning.drawn.sights import KINDS, sights
 from ffseg.metrics import iou
-from ffseg.starts.initial import click_radius
+from ffseg.parameters import click_radius
 from tests.masks import box_round
 from tests.scenes import START, START_RADIUS, scene
 

@@ -11,7 +11,7 @@ from commands import Command
 import ffseg
 from ffseg.errors import ParameterError, SegmentationError
 from ffseg.metrics import iou
-from ffseg.starts.initial import click_radius
+from ffseg.parameters import click_radius
 from tests.discs import bright_disc
 from tests.masks import read_mask, write_image
 

@@ -156,3 +156,53 @@ def test_a_start_over_ground_outside_the_domain_leaves_it(hole: tuple[int, int, 
     found = ffseg.segment(image, {"init.center": list(CENTER), "init.radius": 25}, domain=domain)
     assert overlap(found.mask, truth & (domain > 0)) > 0.98
     assert "lay across the domain's limit and was moved to (" in found.messages[0]
+
+
+def small_things(noise: float = 0.0) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
+    """Three small discs, and the one that a start of a fifteenth of the shorter side in (120, 90) holds whole."""
+    image, truth = np.full((180, 240, 3), (60, 50, 40), np.uint8), np.zeros((180, 240), np.uint8)
+    for x, y in ((120, 90), (60, 40), (200, 150)):
+        cv2.circle(image, (x, y), 8, (90, 170, 200), -1)
+    cv2.circle(truth, (120, 90), 8, 1, -1)
+    image = cv2.GaussianBlur(image, (0, 0), 1.0)
+    drawn = np.random.default_rng(5).normal(0, noise, image.shape)
+    return np.clip(image + drawn, 0, 255).astype(np.uint8), truth > 0
+
+
+@pytest.mark.parametrize(
+    ("noise", "source", "least"), [(10.0, "gradient", 0.9), (25.0, "gradient", 0.9), (40.0, "prior", 0.4)]
+)
+def test_a_start_of_no_named_radius_finds_the_small_thing_in_it(noise: float, source: str, least: float) -> None:
+    """Clear edges let it fill the image, with the small thing, and the prior took that for its surroundings."""
+    image, truth = small_things(noise)
+    found = ffseg.segment(image, {"init.center": [120, 90]})
+    assert (found.source, overlap(found.mask, truth) > least) == (source, True)
+    assert "edges part the start at (120, 90), radius 12: it was taken for a click, of radius 2.4" in found.messages
+    named = ffseg.segment(image, {"init.center": [120, 90], "init.radius": 12})
+    assert overlap(named.mask, truth) < 0.15, "who names a radius means all of it"
+    assert not any("click" in message for message in named.messages)
+
+
+def test_what_is_watched_is_what_is_found() -> None:
+    image, _ = small_things(10.0)
+    steps: list[ffseg.Progress] = []
+    plain = ffseg.segment(image, {"init.center": [120, 90]})
+    watched = ffseg.segment(image, {"init.center": [120, 90]}, callback=steps.append)
+    assert [one.control_points.tolist() for one in watched.contours] == [
+        one.control_points.tolist() for one in plain.contours
+    ]
+    assert watched.messages == plain.messages
+    assert abs(steps[0].contours[0].signed_area) < 30, "it begins at the click"
+
+
+def test_a_start_that_no_edge_parts_keeps_its_size() -> None:
+    image, truth = disc()
+    found = ffseg.segment(image, {"init.center": list(CENTER)})
+    assert (overlap(found.mask, truth) > 0.99, found.messages) == (True, ())
+
+
+def test_clicks_beside_a_start_of_no_named_radius_make_it_one() -> None:
+    """A disc wide enough to hold the click outside was refused."""
+    image, truth = small_things(25.0)
+    found = ffseg.segment(image, {"init.center": [120, 90], "init.background": [[131, 90]]})
+    assert overlap(found.mask, truth) > 0.9
