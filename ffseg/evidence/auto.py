@@ -9,8 +9,6 @@ import numpy as np
 
 from ffseg.contour import ContourResult, bounded, contour, run
 from ffseg.evidence.gradient import gradient
-from ffseg.evidence.maps import expected_overlap
-from ffseg.evidence.surroundings import STRIDE, strided
 from ffseg.image.boundary import CHECK_INTERVAL, Boundary, FaintError, unless_faint
 from ffseg.image.components import filled
 from ffseg.image.edges import EdgeMap
@@ -35,33 +33,26 @@ def auto(scene: Scene) -> EdgeMap:
     if scene.params.edges.canny != "auto":
         return edges
     scene = replace(scene, edges=edges, callback=None)
-    click, *said = (None,) if scene.has_hints else click_in_parted(scene)
-    for one, messages in ((click, said), (scene, ())):
-        found = None if one is None else _trial(one)
+    looks = (*click_in_parted(scene), (scene, ""))
+    for look, said in looks:
+        found = _trial(look)
         if found is not None and not (_holds_rivals(found, scene) or _mends_a_rim(found, scene)):
-            return _tried(found, *messages)
+            return _tried(found, said)
     if scene.has_hints:
         from ffseg.evidence.clicks import with_clicks  # these load forests, which clear edges do not need
 
         return with_clicks(scene, edges)
-    from ffseg.evidence.prior import with_prior
+    from ffseg.evidence.prior import surest
 
-    if click is None:
-        return with_prior(scene, edges)
-    wide, found = (contour(replace(one, edges=with_prior(one, edges))) for one in (scene, click))
-    return _tried(found, *said) if _promised(found) > _promised(wide) else _tried(wide)
+    best = surest([look for look, _ in looks[::-1]], edges)
+    said = next(said for look, said in looks if look.starts == best.starts)
+    return _tried(contour(best), said) if said else best.edges
 
 
-def _tried(found: ContourResult, *messages: str) -> EdgeMap:
-    """The map that a contour was asked for on, with that contour."""
+def _tried(found: ContourResult, said: str) -> EdgeMap:
+    """The map that a contour was asked for on, with that contour and what to say of its start."""
     edges = found.scene.edges
-    return replace(edges, trial=(edges, replace(found, messages=(*messages, *found.messages))))
-
-
-def _promised(found: ContourResult) -> float:
-    """The overlap to expect of a region by its evidence; none where that tells of no region."""
-    odds = found.scene.edges.odds
-    return 0.0 if odds is None else expected_overlap(strided(odds), found.region()[::STRIDE, ::STRIDE])
+    return replace(edges, trial=(edges, replace(found, messages=(said, *found.messages)) if said else found))
 
 
 def _holds_rivals(found: ContourResult, scene: Scene) -> bool:

@@ -7,7 +7,8 @@ makes it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 
@@ -31,11 +32,12 @@ from ffseg.evidence.features import (
 )
 from ffseg.evidence.forest import shipped
 from ffseg.evidence.gradient import gradient
-from ffseg.evidence.maps import blurred, odds_edges
+from ffseg.evidence.maps import blurred, expected_overlap, log_odds, odds_edges
 from ffseg.evidence.recent import Recent
 from ffseg.evidence.surroundings import STRIDE, SURROUNDINGS_FEATURES, strided, surroundings, voted, write_strided
 from ffseg.image.appearance import WORKING_SIZE, Appearance
 from ffseg.image.edges import EdgeMap
+from ffseg.image.parts import parts_holding
 from ffseg.scene import Scene
 from ffseg.starts.parts import start_core
 
@@ -108,7 +110,7 @@ class PriorView:
         forest = shipped(MODEL, FEATURE_NAMES).inside
         return np.clip(forest.log_odds(self.planes), -MAX_LOG_ODDS, MAX_LOG_ODDS)
 
-    @property
+    @cached_property
     def odds(self) -> Plane:
         """Smoothed log odds at every `STRIDE`-th pixel of the reduced image, shape (h, w)."""
         return blurred(voted(self.forest_odds, self.seen), SMOOTHING / STRIDE)
@@ -117,6 +119,17 @@ class PriorView:
     def cautious_odds(self) -> Plane:
         """The same less `CAUTION`: the region ends where they are 0."""
         return self.odds - np.float32(CAUTION)
+
+    def of_pixels(self, starts: Mask) -> Plane:
+        """Smoothed log odds of the pixels of the image, and those of its start, shape (H, W)."""
+        whole = enlarged(self.odds, self.seen.factor, self.seen.shape, STRIDE)
+        whole[starts] = MAX_LOG_ODDS
+        return whole
+
+    def promised(self, probability: float) -> float:
+        """Overlap to expect of the region that ends at this probability, as far as it hangs together with the start."""
+        odds, inside = self.cautious_odds - np.float32(log_odds(probability)), strided(self.seen.inside) > 0
+        return expected_overlap(odds, parts_holding((odds > 0) | inside, inside))
 
 
 def prior_view(image: Appearance, starts: Mask) -> PriorView:
@@ -139,10 +152,7 @@ def prior(image: Appearance, starts: Mask) -> Plane:
     ndarray of float32, shape (H, W)
         Logarithm of the odds of belonging to what the start lies on, at most ``MAX_LOG_ODDS`` either way.
     """
-    found = prior_view(image, starts)
-    whole = enlarged(found.odds, found.seen.factor, found.seen.shape, STRIDE)
-    whole[starts] = MAX_LOG_ODDS
-    return whole
+    return prior_view(image, starts).of_pixels(starts)
 
 
 def cautious_prior(image: Appearance, starts: Mask) -> Plane:
@@ -179,16 +189,24 @@ def write_pixel_features(seen: Features, out: Plane) -> None:
 
 def prior_edges(scene: Scene) -> EdgeMap:
     """Edges where the prior falls to ``region.probability``: the source ``prior``."""
-    return with_prior(scene, gradient(scene))
+    return surest((scene,), gradient(scene)).edges
 
 
-def with_prior(scene: Scene, image_edges: EdgeMap) -> EdgeMap:
-    """Edges where the prior falls to its level; the image's own edges if the start covers no pixel of the domain."""
+def surest(scenes: Sequence[Scene], image_edges: EdgeMap) -> Scene:
+    """Of scenes that differ in their starts, that of which the prior promises the largest overlap, with its edges.
+
+    They are the image's own where no start covers a pixel of the domain.
+    """
+    level, seen = scenes[0].params.region.probability, appearance_of(scenes[0])
+    looks = [(scene, starts, prior_view(seen, starts)) for scene in scenes if (starts := _shown(scene)).any()]
+    if not looks:
+        return replace(scenes[0], edges=image_edges)
+    scene, starts, view = looks[0] if len(looks) == 1 else max(looks, key=lambda look: look[2].promised(level))
+    odds = view.of_pixels(starts) - np.float32(CAUTION)
+    return replace(scene, edges=odds_edges(odds, level, image_edges, "prior"))
+
+
+def _shown(scene: Scene) -> Mask:
+    """Pixels of the domain that show what is inside."""
     starts, domain = start_core(scene), scene.disc if scene.domain is None else scene.domain
-    if domain is not None:
-        starts &= domain > 0
-    if not starts.any():
-        return image_edges
-    return odds_edges(
-        cautious_prior(appearance_of(scene), starts), scene.params.region.probability, image_edges, "prior"
-    )
+    return starts if domain is None else starts & (domain > 0)

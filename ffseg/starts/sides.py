@@ -34,7 +34,7 @@ accepted."""
 
 
 MIN_PARTED = 2
-"""So many sides of edges have pixels of a start of no named radius, from which on it may be wider than what is meant."""
+"""Into so many parts edges divide a start of no named radius, from which on it may be wider than what is meant."""
 
 
 def on_one_side(scene: Scene) -> tuple[Scene, tuple[str, ...], bool]:
@@ -89,26 +89,30 @@ def on_one_side(scene: Scene) -> tuple[Scene, tuple[str, ...], bool]:
     return (scene if kept else replace(scene, starts=left)), tuple(messages), across
 
 
-def click_in_parted(scene: Scene) -> tuple[Scene | None, str]:
-    """The scene with a click in place of a start whose radius nobody named, and a message, where edges part that; else none.
+def click_in_parted(scene: Scene) -> tuple[tuple[Scene, str], ...]:
+    """The scene with a click in place of its start, and a message, where nobody named a radius and edges part it; else nothing.
 
     A circle of that radius may hold a small thing whole. What lies in the middle of an image, or of a mirror, nobody points at.
     """
-    init, (wide, *_) = scene.params.init, scene.starts
-    named = init.center == "auto" or init.radius != "auto" or init.circles or init.boxes or scene.start_mask is not None
-    radius = click_radius(scene.shape)
-    if named or scene.disc is not None or scene.params.contour.balloon < 0 or radius >= init.radius_in(scene.shape):
-        return None, ""
-    inside = scene.start_region()
-    if not scene.edges.edges[inside].any():
-        return None, ""
-    sides = open_sides(free_pixels(scene.edges.edges, scene.domain))[inside]
+    init, (wide, *others) = scene.params.init, scene.starts
+    pointed = init.center != "auto" and not (init.circles or others or scene.has_hints or scene.start_mask is not None)
+    radius, click = init.radius_in(scene.shape), click_radius(scene.shape)
+    grows = scene.params.contour.balloon >= 0 and scene.disc is None
+    if init.radius != "auto" or not (pointed and grows) or click >= radius:
+        return ()
+    x, y = wide.control_points.mean(axis=0).tolist()
+    window, corner = _window(Circle(x, y, radius), radius)
+    edges, domain = scene.edges.edges[window], None if scene.domain is None else scene.domain[window]
+    inside = rasterize([FreeForm(wide.control_points - corner, wide.degree)], edges.shape)
+    if not edges[inside].any():
+        return ()
+    sides = open_sides(free_pixels(edges, domain))[inside]
     if np.count_nonzero(np.bincount(sides)[1:]) < MIN_PARTED:
-        return None, ""
-    click = circle_start((*wide.control_points.mean(axis=0).tolist(), radius), scene.params)
-    before, after = (as_circle(one).enlarged(scene.factor) for one in (wide, click))
+        return ()
+    small = circle_start((x, y, click), scene.params)
+    before, after = (as_circle(one).enlarged(scene.factor) for one in (wide, small))
     message = f"edges part the start at {before}: it was taken for a click, of radius {after.radius:.4g}"
-    return replace(scene, starts=(click,)), message
+    return ((replace(scene, starts=(small,)), message),)
 
 
 def _window(start: Circle, reach: float) -> tuple[tuple[slice, slice], tuple[int, int]]:

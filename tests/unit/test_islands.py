@@ -50,7 +50,7 @@ def test_what_hangs_together_with_the_start_is_no_island() -> None:
 
 @pytest.fixture
 def prior_decides(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(evidence, "prior", lambda *_: apart(3)[0])
+    monkeypatch.setattr(evidence.PriorView, "of_pixels", lambda *_: apart(3)[0])
     monkeypatch.setattr(auto, "_trial", lambda *_: None)
 
 

@@ -76,7 +76,7 @@ def test_the_twelve_files_of_the_page_are_there() -> None:
 
 
 def test_paper_and_peers_do_not_see_what_was_learned(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ffseg.evidence.prior.prior", lambda *_: pytest.fail("the prior was asked"))
+    monkeypatch.setattr("ffseg.evidence.prior.prior_view", lambda *_: pytest.fail("the prior was asked"))
     image = textured()
     for method in ("paper", "cv_floodfill"):
         assert ffseg.segment(image, method=method).source == "gradient"

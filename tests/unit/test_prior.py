@@ -54,7 +54,7 @@ def sight(kind: str, number: int, look: int = 0) -> tuple[Sight, dict[str, objec
 
 @pytest.mark.parametrize("number", [*range(7), 26])  # the faint tenth of the last has 3.27 times what an edge needs
 def test_clear_edges_decide_alone(number: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ffseg.evidence.prior.prior", pytest.fail)
+    monkeypatch.setattr("ffseg.evidence.prior.prior_view", pytest.fail)
     drawn = scene(number)
     found = segment(drawn.image, PARAMS)
     plain = segment(drawn.image, load_params(None, {**DRAWN, "edges.source": "gradient"}))
