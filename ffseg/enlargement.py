@@ -13,7 +13,7 @@ from ffseg.geometry.freeform import FreeForm
 from ffseg.image.magnified import magnification
 from ffseg.image.resized import resized
 from ffseg.io.masks import Masks
-from ffseg.parameters import MIN_START_RADIUS, Init, Parameters, Seed
+from ffseg.parameters import MIN_START_RADIUS, Circle, Init, Parameters, Seed
 from ffseg.scene import Scene
 
 HALF_SET = 128
@@ -88,14 +88,14 @@ def _placed(init: Init, factor: float) -> Init:
         init,
         center="auto" if init.center == "auto" else _point(init.center, factor),
         radius="auto" if init.radius == "auto" else init.radius / factor,
-        circles=tuple((*_point((x, y), factor), radius / factor) for x, y, radius in init.circles),
+        circles=tuple(cast(Circle, scaled_seed(one, factor)) for one in init.circles),
         boxes=tuple((*_point((x0, y0), factor), *_point((x1, y1), factor)) for x0, y0, x1, y1 in init.boxes),
         background=tuple(scaled_seed(one, factor) for one in init.background),
     )
 
 
 def scaled_seed(seed: Seed, factor: float) -> Seed:
-    """A seed in a picture smaller by this factor."""
+    """A seed or a circle in a picture smaller by this factor."""
     return cast(Seed, (*_point(seed[:2], factor), *(radius / factor for radius in seed[2:3]), *seed[3:]))
 
 

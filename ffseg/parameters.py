@@ -32,7 +32,7 @@ ZERO_BALLOON = "contour.balloon: 0 moves no free-form contour; write a number ab
 _POSITIVE = Number(0, above=True)
 _PLACE, _RADIUS = Number(-MAX_COORDINATE, MAX_COORDINATE), Number(0, MAX_COORDINATE, above=True)
 _POINT = Row(("x", "y"), (_PLACE, _PLACE))
-_CIRCLE = Row(("x", "y", "radius"), (_PLACE, _PLACE, _RADIUS))
+_CIRCLE = Row(("x", "y", "radius"), (_PLACE, _PLACE, _RADIUS), fewest=2)
 _BOX = Row(("left", "top", "right", "bottom"), (_PLACE,) * 4)
 _THRESHOLDS = Row(("low", "high"), (Number(0, 10_000),) * 2, "ascending")  # no magnitude of 8-bit grey exceeds 1443
 _MAX_STARTS = 1000
@@ -95,9 +95,7 @@ class Edges(Section):
     )
     evidence: str = declared("inside", Text(("inside", "edges")), "what maps and networks give: inside or edges")
     levels: str = declared(
-        "linear",
-        Text(("linear", "root", "log")),
-        "grey levels of which the gradient is taken; root, log even out shade",
+        "linear", Text(("linear", "root", "log")), "grey levels whose gradient is taken; root, log even out shade"
     )
     highlights: float = declared(
         0.0, Number(0, 200), "px; bright grey streaks (gloss, paint) narrower than this are taken out; 0 = keep them"
@@ -120,7 +118,7 @@ class Init(Section):
     radius: float | Literal["auto"] = declared(
         "auto", OrWord("auto", _RADIUS), "px; auto = a fifteenth of the shorter side, less where edges part that"
     )
-    circles: tuple[Circle, ...] = declared((), Many(_CIRCLE, _MAX_STARTS), "start circles instead of center, radius")
+    circles: tuple[Point | Circle, ...] = declared((), Many(_CIRCLE, _MAX_STARTS), "start circles; [x, y] is a click")
     boxes: tuple[Box, ...] = declared(
         (), Many(_BOX, _MAX_STARTS), "boxes round objects: outside all is background, unless a circle lies there"
     )
@@ -138,6 +136,10 @@ class Init(Section):
         """Radius of a start circle that others, boxes or clicks outside correct, px."""
         return click_radius(shape) if self.radius == "auto" else self.radius
 
+    def circles_in(self, shape: tuple[int, ...]) -> tuple[Circle, ...]:
+        """The circles in an image of shape (H, W, ...), each with its radius."""
+        return tuple((x, y, *(radius or (self.click_radius_in(shape),))) for x, y, *radius in self.circles)
+
 
 @dataclass(frozen=True, slots=True)
 class Domain(Section):
@@ -154,9 +156,7 @@ class Domain(Section):
         None, FilePath(), "folder of such images, one for each image (NAME.png) or folder of images (FOLDER.png)"
     )
     disc: str = declared(
-        "auto",
-        Text(("auto", "off")),
-        "auto = where no mask is given, the disc of a mirror or fisheye in a dark surround",
+        "auto", Text(("auto", "off")), "auto = where no mask is given, the disc of a mirror or fisheye in the dark"
     )
 
 
@@ -278,9 +278,7 @@ class LevelSet(Section):
     """
 
     stop_speed: float | Literal["auto"] = declared(
-        "auto",
-        OrWord("auto", Number(0, 1, above=True)),
-        "F_diff of a node on an edge; auto = at the high Canny threshold",
+        "auto", OrWord("auto", Number(0, 1, above=True)), "F_diff on an edge; auto = at the high Canny threshold"
     )
     settle: int = declared(6, Integer(0, 64), "px the front climbs an edge to its ridge after it has stopped")
     min_area: float = declared(8.0, Number(0, 1e9), "px^2; outlines that enclose less are dropped")

@@ -67,6 +67,10 @@ TruthLabel = Annotated[
     int | None,
     typer.Option("--truth-label", metavar="K", min=0, max=65535, help="Class number that is inside in true masks."),
 ]
+At = Annotated[
+    list[str] | None,
+    typer.Option("--at", metavar="X,Y[,R]", help="Where the contour starts, a point or circle; may be repeated."),
+]
 Outside = Annotated[
     list[str] | None,
     typer.Option("--not", metavar="X,Y[,R]", help="A point or circle outside the region; may be repeated."),
@@ -92,16 +96,23 @@ Label = Annotated[
 
 
 def overrides(arguments: Mapping[str, Any]) -> list[str]:
-    """What ``--set`` says, then ``--box``, ``--not`` and what is kept of the result and how it is called.
+    """What ``--set`` says, then ``--at``, ``--box``, ``--not`` and what is kept of the result and how it is called.
 
     Parameters
     ----------
     arguments : mapping
         Values of the options by the names that `run` and `segment` give them.
     """
-    boxes, outside = arguments["boxes"], arguments["outside"]
-    named = [f"init.boxes=[{', '.join(map(_corners, boxes))}]"] if boxes else []
-    named += [f"init.background=[{', '.join(map(_seed, outside))}]"] if outside else []
+    boxes, outside, starts = (
+        arguments["boxes"],
+        arguments["outside"],
+        [_place("--at", one) for one in arguments["at"] or ()],
+    )
+    if starts and arguments.get("starts"):
+        raise UsageError("--at starts every image at one place, --starts each at its own; leave out one of them")
+    named = _started(starts, corrects=bool(boxes))
+    named += [f"init.boxes=[{', '.join(map(_corners, boxes))}]"] if boxes else []
+    named += [f"init.background=[{', '.join(_place('--not', one) for one in outside)}]"] if outside else []
     kept = {key: arguments[key] for key in ("largest", "min_area", "fill_holes", "label") if arguments[key] is not None}
     named += [f"region.{key}={json.dumps(value, ensure_ascii=False)}" for key, value in kept.items()]
     return [*(arguments["settings"] or ()), *named]
@@ -116,9 +127,17 @@ def _corners(box: str) -> str:
     return f"[{x - 0.5!r}, {y - 0.5!r}, {x + width - 0.5!r}, {y + height - 0.5!r}]"
 
 
-def _seed(text: str) -> str:
+def _started(places: list[str], *, corrects: bool) -> list[str]:
+    """Overrides for starts, texts of lists: one alone is as wide as `init.radius` says if it says nothing, others are clicks."""
+    if len(places) != 1 or corrects:
+        return [f"init.circles=[{', '.join(places)}]"] if places else []
+    x, y, *radius = places[0].strip("[]").split(",")
+    return [f"init.center=[{x}, {y}]", *(f"init.radius={one}" for one in radius)]
+
+
+def _place(option: str, text: str) -> str:
     if len(text.split(",")) not in (2, 3) or not all(map(_is_number, text.split(","))):
-        raise UsageError(f"--not {text}: write X,Y or X,Y,R in pixels, such as --not 120,80,10")
+        raise UsageError(f"{option} {text}: write X,Y or X,Y,R in pixels, such as {option} 120,80,10")
     return f"[{text}]"
 
 

@@ -156,7 +156,7 @@ _looks = Recent[Plane | None](CACHED_LOOKS)
 
 def _beside(scene: Scene, seen: Iterable[Look]) -> Plane | None:
     """Log odds of what the first circle that no look has seen lies on, shape (H, W), if there is one; the others correct them."""
-    for x, y, radius in scene.params.init.circles:
+    for x, y, radius in scene.params.init.circles_in(scene.shape):
         if not any(_in_window((y, x), window) for window, _ in seen):
             disc = rasterize([circle_start((x, y, radius), scene.params)], scene.shape)
             return _looks.of(scene.image, "beside", partial(cautious_prior, appearance_of(scene), disc), disc)

@@ -249,7 +249,7 @@ def _in_boxes(scene: Scene, odds: Plane) -> Scene:
     """The scene with starts in the regions found in its boxes, without what is known to lie outside."""
     outside = seeds(scene.params.init.background, np.zeros(scene.shape, np.bool_), scene.background)
     contour = replace(scene.params.contour, balloon=abs(scene.params.contour.balloon))
-    circles = tuple(circle_start(circle, scene.params) for circle in scene.params.init.circles)
+    circles = tuple(circle_start(circle, scene.params) for circle in scene.params.init.circles_in(scene.shape))
     starts = circles or middles(scene.params, scene.shape)  # what closes in has the boxes themselves
     growing = replace(scene, starts=starts, params=replace(scene.params, contour=contour))
     return in_boxes(growing, np.where(outside, np.float32(-MAX_LOG_ODDS), odds))
@@ -261,7 +261,7 @@ def _outside(point: Seed, shape: tuple[int, int]) -> Click:
 
 def _first(scene: Scene, inside: Mask) -> tuple[Mask, list[Click]]:
     """What is known to lie inside at the beginning, and the circles that follow: of circles alone, the first comes first."""
-    given = () if scene.start_mask is not None else scene.params.init.circles
+    given = () if scene.start_mask is not None else scene.params.init.circles_in(scene.shape)
     circles = [Click(*circle, True, number) for number, circle in enumerate(given)]
     begun = rasterize(scene.starts[len(circles) :], scene.shape) & inside
     for start, _ in zip(scene.starts, given, strict=False):

@@ -12,7 +12,7 @@ from ffseg.geometry.freeform import FreeForm
 from ffseg.image.checked import require_size
 from ffseg.image.outlines import outlines
 from ffseg.image.raster import window_of
-from ffseg.parameters import MIN_START_RADIUS, Box, Circle, Init, Parameters
+from ffseg.parameters import MIN_START_RADIUS, Box, Circle, Init, Parameters, Point
 
 MIDDLE_RADIUS_FRACTION = 0.25
 """Radius of the start circle in the middle of a box, as a fraction of the box's shorter side. Used where the evidence
@@ -46,7 +46,7 @@ def start_contours(
     SegmentationError
         If a start lies outside the image, the mask has another size or is empty, or there are others beside it.
     """
-    circles, boxes = params.init.circles, params.init.boxes
+    circles, boxes = params.init.circles_in(shape), params.init.boxes
     if start_mask is not None and (circles or boxes):
         raise SegmentationError(
             f"a start mask and init.{'boxes' if boxes else 'circles'} do not go together; leave out one"
@@ -62,7 +62,7 @@ def start_contours(
     for box in boxes:
         _check_box(box, shape)
     if params.contour.balloon < 0 and boxes:  # circles in them are clicks
-        for x, y, _ in circles_beside(params.init):
+        for x, y in circles_beside(params.init):
             raise SegmentationError(
                 f"the start circle at ({x:g}, {y:g}) lies in no box, and contours that close in begin at boxes; "
                 "move it into one, or leave it out"
@@ -71,11 +71,11 @@ def start_contours(
     return tuple(circle_start(circle, params) for circle in circles) or middles(params, shape)
 
 
-def circles_beside(init: Init) -> tuple[Circle, ...]:
-    """Circles whose centre lies in no box, where there are boxes: what these leave out is not all background then."""
+def circles_beside(init: Init) -> tuple[Point, ...]:
+    """Centres of the circles that lie in no box, where there are boxes: what these leave out is not all background then."""
     return tuple(
-        (x, y, radius)
-        for x, y, radius in init.circles
+        (x, y)
+        for x, y, *_ in init.circles
         if init.boxes and not any(x0 <= x <= x1 and y0 <= y <= y1 for x0, y0, x1, y1 in init.boxes)
     )
 

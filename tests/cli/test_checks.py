@@ -43,6 +43,11 @@ USAGE = {
     "poses of no camera": (["--poses", "poses.csv"], "--camera"),
     "a bag without a topic": (["--bag", "a.bag"], "--bag and --topic go together"),
     "a box without a width": (["--box", "25,35,0,71"], "--box 25,35,0,71: write X,Y,W,H"),
+    "two ways to start": (
+        ["--at", "133,50", "--starts", "s.csv"],
+        "--at starts every image at one place, --starts each",
+    ),
+    "a start that is none": (["--at", "133"], "--at 133: write X,Y or X,Y,R"),
     "a point that is none": (["--not", "133;50"], "--not 133;50: write X,Y"),
 }
 

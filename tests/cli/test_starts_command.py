@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from batches import table
 from commands import Command
@@ -37,6 +38,28 @@ def test_the_plan_shows_the_starts_and_the_run_takes_them(ffseg_command: Command
     assert [row["start_x"] for row in json.loads(done.stdout)["images"]] == [30.0, 90.5]
     places = [read_mask(out / "masks" / name)[40, [30, 90]].tolist() for name in ("a.png", "b.png")]
     assert places == [[True, False], [False, True]]
+
+
+@pytest.mark.parametrize(
+    ("given", "same"),
+    [
+        (["--at", "30,40"], ["init.center=[30, 40]"]),
+        (["--at", "30,40,6"], ["init.center=[30, 40]", "init.radius=6"]),
+        (["--at", "30,40,6", "--at", "90.5,40"], ["init.circles=[[30, 40, 6], [90.5, 40]]"]),
+        (["--at", "30,40", "--box", "5,15,50,50"], ["init.circles=[[30, 40]]", "init.boxes=[[4.5, 14.5, 54.5, 64.5]]"]),
+    ],
+    ids=["a place", "a circle", "two", "beside a box"],
+)
+def test_a_place_on_the_command_line(
+    ffseg_command: Command, images: Path, tmp_path: Path, given: list[str], same: list[str]
+) -> None:
+    named = [part for key in same for part in ("--set", key)]
+    ffseg_command("run", images / "a.png", "--out", tmp_path / "out", *given, code=0)
+    ffseg_command("segment", images / "a.png", tmp_path / "at.png", *given, code=0)
+    ffseg_command("segment", images / "a.png", tmp_path / "set.png", *named, code=0)
+    masks = [read_mask(tmp_path / name) for name in ("out/masks/a.png", "at.png", "set.png")]
+    assert all(np.array_equal(mask, masks[0]) for mask in masks)
+    assert (masks[0][40, 30], masks[0][40, 90]) == (True, "90.5" in same[0])
 
 
 def test_images_without_a_row_start_as_ever_and_are_told(ffseg_command: Command, images: Path, tmp_path: Path) -> None:

@@ -112,7 +112,7 @@ def test_more_errors_than_a_screen_holds_are_counted(tmp_path: Path) -> None:
         ("edges.canny", ("automatic", [1], [1, 2, 3], [2, 1], [-1, 2], 3)),
         ("init.center", ("middle", [1, "x"], [float("inf"), 0], {"x": 1})),
         ("init.radius", (0, -1, 10**400, float("inf"), None)),
-        ("init.circles", ([1, 2, 3], [[1, 2]], [[1, 2, 0]], [[1, 2, 3]] * 1001)),
+        ("init.circles", ([1, 2, 3], [[1]], [[1, 2, 0]], [[1, 2, 3]] * 1001)),
         ("domain.mask", ("", 3, "a\0b")),
         ("method", ("", 1, None)),
     ],

@@ -17,6 +17,7 @@ from ffseg.batch.record.ledger import Summary
 from ffseg.batch.workers.messages import Setup
 from ffseg.compare.run import compare, plan_comparison
 from ffseg.compare.values import Comparison
+from ffseg.enlargement import smaller
 from ffseg.errors import FfsegError, ParameterError
 from ffseg.geometry.orientation import ring_area
 from ffseg.image.outlines import outlines
@@ -385,3 +386,10 @@ def test_what_closes_in_asks_the_depth_of_its_start(source: str, how: dict[str, 
     assert overlap(ffseg.segment(image, params).mask, truth) > 0.97
     with pytest.raises(ffseg.SegmentationError, match="a start mask and init.circles do not go together"):
         ffseg.segment(image, {"init.circles": [[9, 9, 3]]}, start_mask=truth)
+
+
+@pytest.mark.parametrize(("radius", "own"), [("auto", 4.0), (7.0, 7.0)])
+def test_a_circle_without_a_radius_is_a_click(radius: float | str, own: float) -> None:
+    params = load_params(None, {"init.circles": [[30, 40, 6], [90, 40]], "init.radius": radius})
+    assert params.init.circles_in((80, 400)) == ((30, 40, 6), (90, 40, own))
+    assert len({len(one) for one in smaller(params, 2).init.circles}) == 2

@@ -113,7 +113,7 @@ class PastFrame:
             circles = _starts_in(seen, len(init.circles)) or init.circles
         else:
             x, y = init.center if init.center != "auto" else ((shape[1] - 1) / 2, (shape[0] - 1) / 2)
-            one, *_ = init.circles or ((x, y, init.radius_in(shape)),)
+            one, *_ = init.circles_in(shape) or ((x, y, init.radius_in(shape)),)
             circles = (start_in(seen, one),)
         return replace(params, init=replace(init, circles=circles))
 

@@ -100,7 +100,7 @@ class Workbench:
         segmented = perf_counter()
         outputs = tuple(_encoded(found, task.out, missing))
         result = found.result
-        row = _row(image, result, self._setup.params.method) | found.row | _start_cells(params, job)
+        row = _row(image, result, self._setup.params.method) | found.row | _start_cells(params, job, image.shape)
         note = "; ".join(filter(None, (note, *result.messages)))
         row["note"] = "; ".join(filter(None, (note, row.get("note"))))
         overlap, problem = self._iou(result.mask, job, read)
@@ -190,11 +190,11 @@ def _encoded(found: _JobResult, out: str, outputs: Sequence[tuple[str, Output]])
         yield Encoded(path, data, digest(data))
 
 
-def _start_cells(params: Parameters, job: Job) -> dict[str, Any]:
+def _start_cells(params: Parameters, job: Job, shape: tuple[int, ...]) -> dict[str, Any]:
     """The image's own start circle, as it was asked for."""
     if job.start is None or job.start.held:
         return {}
-    radius = None if params.init.radius == "auto" else params.init.radius
+    radius = None if job.start.x is None else params.init.radius_in(shape)
     return {"start_x": job.start.x, "start_y": job.start.y, "start_radius": radius}
 
 

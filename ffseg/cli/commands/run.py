@@ -71,6 +71,7 @@ def run(  # noqa: PLR0913 - the options of the command
     allow_code: options.AllowCode = False,
     starts: options.Starts = None,
     evidence: options.Evidence = None,
+    at: options.At = None,
     outside: options.Outside = None,
     boxes: options.Boxes = None,
     largest: options.Largest = None,

@@ -41,6 +41,7 @@ def segment(  # noqa: PLR0913 - the options of the command
     config: options.Config = None,
     settings: options.Settings = None,
     allow_code: options.AllowCode = False,
+    at: options.At = None,
     outside: options.Outside = None,
     boxes: options.Boxes = None,
     largest: options.Largest = None,
