@@ -22,7 +22,7 @@ from ffseg.starts.initial import starts_from_mask
 from ffseg.starts.moved import as_circle
 from ffseg.starts.parts import further_starts, starts_in_parts
 from ffseg.starts.rivals import add_disc, before_rivals, rivals_of
-from ffseg.starts.sides import on_one_side
+from ffseg.starts.sides import click_in_parted, on_one_side
 
 _known = attrgetter(*(one.name for one in fields(EdgeMap) if one.name != "trial"))
 
@@ -83,15 +83,19 @@ def contour(scene: Scene) -> ContourResult:
         from ffseg.starts.boxes import in_boxes  # loads what only this needs
 
         scene = in_boxes(scene, scene.edges.odds)
-    scene = starts_in_parts(bounded(scene))
+    scene = bounded(scene)
     if scene.boxes and scene.domain is not None and not scene.domain.any():
         raise SegmentationError(
             "no pixel of the image lies in the domain and in a box; move the box, or change the domain"
         )
     begin = perf_counter()
     rivals = rivals_of(scene) if scene.has_rivals else None
+    small = click_in_parted(scene) if scene.edges.source in ("model", "evidence") else ()
+    (scene, *said), *_ = (*small, (scene,))
     free, messages, across = on_one_side(scene)
-    beyond = further_starts(free)  # of what lies on the starts' side
+    messages = (*said, *messages)
+    more = starts_in_parts(free)
+    beyond = (*more, *further_starts(replace(free, starts=(*free.starts, *more))))  # of what lies on the starts' side
     free = apart(replace(free, starts=(*free.starts, *beyond)))
     try:
         free, outcome = without_rivals(free, rivals)

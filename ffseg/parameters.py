@@ -204,10 +204,8 @@ class Region(Section):
         Number(0, 10_000),
         "px; colours are compared within windows so wide, 16 at least, and those beside; 0 = the whole image",
     )
-    islands: bool = declared(
-        True,
-        Flag(),
-        "where the learned prior decides, parts as sure as the start's that lie apart from it are taken too",
+    islands: bool | Literal["all"] = declared(
+        True, OrWord("all", Flag()), "parts apart from the start's: those as sure by the prior; all = of what is told"
     )
     probability: float = declared(
         0.5,

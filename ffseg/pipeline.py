@@ -235,7 +235,7 @@ def left_out(scene: Scene, found: ContourResult, mask: Mask) -> tuple[str, ...]:
         if inside.any() and not inside.all():
             messages.append("what the start mask has outside the domain was left out")
     if scene.params.contour.balloon > 0:
-        starts = (one for one in found.scene.starts if one.signed_area > 0)
+        starts = (one for one in found.scene.starts[: len(scene.starts)] if one.signed_area > 0)
         lost = (one for one in starts if not (_has_middle(one, mask) or is_shown(one, mask)))
         messages += (f"the start at {as_circle(one).enlarged(scene.factor)} is not in the region" for one in lost)
     return tuple(messages)

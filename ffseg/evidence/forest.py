@@ -139,6 +139,11 @@ class Model:
             return ScoreCalibration(1.0, ratio)
         return UNMEASURED
 
+    @property
+    def parts(self) -> bool:
+        """Whether all parts that it tells are meant, as in the masks that it was learned from, and not the start's alone."""
+        return self.about.get("parts") is True
+
     def appearance(self, image: Image) -> Appearance:
         """The image as the model expects it, with or without the correction of exposure."""
         return Appearance(image, self.size, self.exposed)

@@ -77,7 +77,10 @@ def model_edges(scene: Scene) -> EdgeMap:
         return joined(_answers.of(scene.image, (path, _mark(path)), make, start) if scene.has_hints else make())
 
     promised = boxed or model.calibration
-    return _edges(scene, say(_before_clicks(scene)), own, "model", promised, lambda start: certain_odds(say(start)))
+    edges = _edges(scene, say(_before_clicks(scene)), own, "model", promised, lambda start: certain_odds(say(start)))
+    if edges.odds is None or edges.kept is not None or not (model.parts and scene.params.region.islands):
+        return edges
+    return replace(edges, kept=edges.odds > 0)
 
 
 def _seen(scene: Scene, model: Model) -> Appearance:

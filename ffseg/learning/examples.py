@@ -12,6 +12,7 @@ from ffseg.errors import UsageError
 from ffseg.evidence.features import ALL_FEATURES, features, reduced_mean
 from ffseg.evidence.prior import prior
 from ffseg.image.appearance import WORKING_SIZE, Appearance
+from ffseg.image.parts import connected_parts
 from ffseg.metrics import IGNORED, INSIDE, OUTSIDE
 from ffseg.parameters import Parameters, click_radius
 
@@ -71,11 +72,14 @@ class Samples:
     inside : ndarray of bool, shape (N,)
     prior : ndarray of float32, shape (N,), or None
         Log odds that the prior gives; None where it was not asked.
+    apart : float
+        Part of what its mask has inside that lies apart from the largest of its components.
     """
 
     rows: Floats
     inside: Mask
     prior: Floats | None = None
+    apart: float = 0.0
 
 
 def samples_by_default(image: Image, truth: Image) -> Samples:
@@ -110,7 +114,14 @@ def samples(example: Example) -> Samples:
             why = small if image.factor > 1 else "; draw more of it"
             raise UsageError(f"what the mask knows {side} is too small or thin{why}, or leave it out")
         raise UsageError(unknown_side(side))
-    return Samples(np.concatenate(rows), inside, np.concatenate(odds))
+    return Samples(np.concatenate(rows), inside, np.concatenate(odds), share_apart(example.truth))
+
+
+def share_apart(truth: Image) -> float:
+    """Part of what a mask has inside that lies apart from the largest of its components; what is unknown may join them."""
+    components = connected_parts(truth != OUTSIDE)
+    areas = np.bincount(components.labels[truth == INSIDE])
+    return 1 - float(areas.max()) / float(areas.sum())
 
 
 def unknown_side(side: str, label: int | None = None) -> str:

@@ -97,6 +97,8 @@ class CrossValidation:
         Images with a mask that was not learned from, each with what is wrong.
     copies : int
         Images that were learned from, and measured on, as copies of at most `MAX_SIDE` pixels a side.
+    parts : bool
+        Whether the masks mean all things of a kind, so that all parts are taken that the model tells.
     """
 
     masks: int
@@ -117,6 +119,7 @@ class CrossValidation:
     met: float | None = None
     passed_over: tuple[str, ...] = ()
     copies: int = 0
+    parts: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,6 +163,7 @@ def learn_and_measure(
         prior=None if model.about["prior"] is None else PriorChoice(**model.about["prior"]),
         known=known_share(gathered.labelled),
         copies=sum(one.factor > 1 for one in gathered.labelled),
+        parts=model.parts,
         searched=met and any(one.start is None for one in gathered.labelled),
     )
     names = [one.name for one in gathered.labelled][:100]
@@ -245,7 +249,7 @@ def _left_out(one: LabelledImage, model: Model) -> LeftOut:
     """What is found in an image with a model's probabilities."""
     seen = model.appearance(one.image)
     params, start = _begun(model, seen, _without_model(one.params), one.start)
-    found = _contoured(one, params, None if start is None else model_odds(model, seen, start))
+    found = _contoured(one, params, None if start is None else model_odds(model, seen, start), parts=model.parts)
     return found if one.start is not None else replace(found, met=_met(start, one.truth))
 
 
@@ -266,8 +270,10 @@ def _begun(model: Model, image: Appearance, params: Parameters, start: Mask | No
     return params, start_region(image.image.shape[:2], params)
 
 
-def _contoured(one: LabelledImage, params: Parameters, evidence: Plane | None) -> LeftOut:
-    """What is found in an image by some evidence."""
+def _contoured(one: LabelledImage, params: Parameters, evidence: Plane | None, *, parts: bool = False) -> LeftOut:
+    """What is found in an image by some evidence: in all parts that it tells, or from the start."""
+    if parts and params.region.islands:
+        params = replace(params, region=replace(params.region, islands="all"))
     try:
         found = segment(Scene(one.image, params, evidence=evidence, **one.masks.bounds))
     except SegmentationError:
@@ -303,7 +309,7 @@ def _curve(labelled: Sequence[LabelledImage], chosen: SampleSet) -> tuple[tuple[
         image = Appearance(one.image)
         seen, odds = features(image, one.start), prior(image, one.start)
         for number, model in asked:
-            found.append((number, place, _contoured(one, one.params, model.map(seen, odds)).iou))
+            found.append((number, place, _contoured(one, one.params, model.map(seen, odds), parts=model.parts).iou))
     return levelled(found)
 
 

@@ -101,12 +101,13 @@ def click_in_parted(scene: Scene) -> tuple[tuple[Scene, str], ...]:
     if init.radius != "auto" or not (pointed and grows) or click >= radius:
         return ()
     x, y = wide.control_points.mean(axis=0).tolist()
-    window, corner = _window(Circle(x, y, radius), radius)
+    window, corner = _window(Circle(x, y, radius), radius + EDGE_REACH)
     edges, domain = scene.edges.edges[window], None if scene.domain is None else scene.domain[window]
     inside = rasterize([FreeForm(wide.control_points - corner, wide.degree)], edges.shape)
     if not edges[inside].any():
         return ()
-    sides = open_sides(free_pixels(edges, domain))[inside]
+    reached = cv2.dilate(inside.view(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    sides = open_sides(free_pixels(edges, domain))[reached]
     if np.count_nonzero(np.bincount(sides)[1:]) < MIN_PARTED:
         return ()
     small = circle_start((x, y, click), scene.params)

@@ -225,7 +225,9 @@ def test_the_curve_scores_contours_of_models_as_they_are_used(folder: Path, monk
     chosen = SampleSet([samples(Example(one.image, one.truth, one.start, 5)) for one in labelled])
     maps: list[np.ndarray] = []
     plain = learning._contoured
-    monkeypatch.setattr(learning, "_contoured", lambda one, own, told: maps.append(told) or plain(one, own, told))
+    monkeypatch.setattr(
+        learning, "_contoured", lambda one, own, told, **how: maps.append(told) or plain(one, own, told, **how)
+    )
     curve = learning._curve(labelled, chosen)
     assert ([number for number, _ in curve], len(maps)) == ([1, 2], 3 * (2 + 1))
     models = [grown(chosen.some([number]), learning.CURVE_TREES) for number in range(len(chosen))]
@@ -251,8 +253,8 @@ def test_a_curve_leaves_out_as_many_images_as_are_left_out_to_measure(
 ) -> None:
     image = np.zeros(SHAPE, np.uint8)
     one = LabelledImage("a.png", image, image, load_params(), disc(60, 40, 5))
-    monkeypatch.setattr(learning, "grown", lambda *_: SimpleNamespace(map=lambda *_: None))
-    monkeypatch.setattr(learning, "_contoured", lambda *_: learning.LeftOut(0.5))
+    monkeypatch.setattr(learning, "grown", lambda *_: SimpleNamespace(map=lambda *_: None, parts=False))
+    monkeypatch.setattr(learning, "_contoured", lambda *_, **__: learning.LeftOut(0.5))
     chosen = SampleSet([Samples(np.zeros((4, 1), np.float32), np.zeros(4, np.bool_))] * count)
     assert [number for number, _ in learning._curve([one] * count, chosen)] == numbers
 

@@ -90,6 +90,10 @@ def sentences(figures: CrossValidation, out: str) -> list[str]:
             f"of the starts that it finds {figures.met:.0%} lie in the masks of images left out: it is kept without, and "
             "measured from starts inside; name them with --starts FILE"
         )
+    if figures.parts:
+        lines.append(
+            "the masks show many things apart: all that the model tells are taken, with region.islands=false one"
+        )
     if figures.base is not None:
         lines.append(base_sentence(figures.base))
     if figures.prior is not None:
@@ -143,6 +147,7 @@ def base_sentence(base: BaseChoice) -> str:
     shipped = "the forest that comes with ffseg"
     how = f"corrects {shipped}" if base.corrected else f"grown from the masks alone, without {shipped}"
     why = f"{base.enough:.2f} is enough" if base.base >= base.enough else "one mask is too little to begin with"
+    why = why if base.corrected else "it tells one thing from its surroundings"
     because = why if base.taught is None else f"they teach each other {base.taught:.2f}"
     return f"{how}, which shares {base.base:.2f} of the masks' pixels by itself ({because})"
 
@@ -151,5 +156,5 @@ def prior_sentence(prior: PriorChoice) -> str:
     """Whether the model asks the prior too, and why."""
     how = "asks the prior that comes with ffseg too" if prior.asked else "does not ask the prior that comes with ffseg"
     if prior.taught is None:
-        return f"{how}: one mask is too little without it"
+        return f"{how}: {'one mask is too little without it' if prior.asked else 'that tells one thing from its surroundings'}"
     return f"{how}: the masks teach each other {prior.taught:.2f}, {prior.both:.2f} with it"

@@ -1,0 +1,88 @@
+"""All things of a kind: masks with many parts, models that tell them all, and maps of which all is wanted."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ffseg
+from ffseg.evidence.forest import to_bytes
+from ffseg.image.free import distances
+from ffseg.learning.examples import Example, samples, share_apart
+from ffseg.learning.training import SampleSet, learn
+from ffseg.metrics import iou
+from tests.discs import disc_of
+
+SHAPE, RADIUS = (160, 240), 10
+disc = disc_of(SHAPE)
+
+
+def cells(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Greenish cells among bluish ones in noise, and a mask of the greenish: 255 inside, 0 outside."""
+    rng = np.random.default_rng(seed)
+    image, truth = rng.normal(60, 8, (*SHAPE, 3)), np.zeros(SHAPE, np.uint8)
+    places = [(x, y) for x in range(25, 240, 38) for y in range(25, 160, 36)]
+    for number, place in enumerate(rng.permutation(places)):
+        cell = disc(*(place + rng.uniform(-4, 4, 2)), RADIUS)
+        image[cell] += (0, 70, 20) if number % 3 else (70, 10, 0)
+        truth[cell] = 255 if number % 3 else 0
+    return np.clip(image, 0, 255).astype(np.uint8), truth
+
+
+def deepest(truth: np.ndarray) -> list[int]:
+    """The pixel deepest in a mask, x and y."""
+    row, column = np.unravel_index(int(distances(truth > 0).argmax()), truth.shape)
+    return [int(column), int(row)]
+
+
+def learned(folder: Path, *seeds: int) -> str:
+    pytest.importorskip("lightgbm")
+    model = learn(SampleSet([samples(Example(*cells(seed), None, 8.0)) for seed in seeds]))
+    (folder / "cells.ffmodel").write_bytes(to_bytes(model))
+    return str(folder / "cells.ffmodel")
+
+
+@pytest.mark.parametrize("seeds", [(1,), (1, 2)], ids=["one mask", "two masks"])
+def test_a_model_of_many_things_takes_them_all(tmp_path: Path, seeds: tuple[int, ...]) -> None:
+    """Only the one that the start lay in was taken; and of one mask, base and prior told that one from all others."""
+    model, (image, truth) = learned(tmp_path, *seeds), cells(5)
+    found = ffseg.segment(image, {"edges.model": model})
+    assert iou(found.mask, truth) > 0.8
+    assert not found.messages, "of starts that nobody named there is nothing to say"
+    named = ffseg.segment(image, {"edges.model": model, "init.center": deepest(truth)})
+    assert iou(named.mask, truth) > 0.8
+    alone = ffseg.segment(image, {"edges.model": model, "region.islands": False})
+    assert alone.num_regions == 1
+    assert iou(alone.mask, truth) < 0.2
+
+
+def test_a_model_of_one_thing_takes_one() -> None:
+    pytest.importorskip("lightgbm")
+    image = cells(1)[0]
+    thing = disc(120, 80, 30)
+    image[thing] = image[thing] // 2 + 100
+    one = learn(SampleSet([samples(Example(image, np.where(thing, np.uint8(255), np.uint8(0)), None, 8.0))]))
+    many = learn(SampleSet([samples(Example(*cells(2), None, 8.0))]))
+    assert (one.parts, many.parts) == (False, True)
+    assert one.about["base"]["corrected"]
+    assert one.about["prior"]["asked"]
+    assert [many.about["base"]["corrected"], many.about["prior"]["asked"]] == [False, False]
+
+
+def test_what_lies_apart_in_a_mask() -> None:
+    truth = np.where(disc(40, 80, 20) | disc(200, 80, 20), np.uint8(255), np.uint8(0))
+    assert share_apart(truth) == pytest.approx(0.5)
+    assert share_apart(np.where(disc(40, 80, 20), truth, np.uint8(0))) == 0
+    scribbled = np.where(truth == 0, np.uint8(128), truth)
+    scribbled[:, :5] = 0
+    assert share_apart(scribbled) == 0, "what is unknown may join them"
+
+
+def test_all_parts_of_a_map_on_demand() -> None:
+    image, truth = cells(3)
+    told, center = np.where(truth > 0, np.float32(0.9), np.float32(0.1)), deepest(truth)
+    one, every = (
+        ffseg.segment(image, {"init.center": center, "region.islands": islands}, evidence=told)
+        for islands in (True, "all")
+    )
+    assert (one.num_regions, iou(every.mask, truth) > 0.9) == (1, True)
