@@ -85,6 +85,8 @@ class ClickedImage:
         Pixels of the domain; None means all.
     ask : callable, optional
         Gives the base from other pixels inside, shape (H, W) both; None where it does not depend on these.
+    parts : bool
+        Whether all parts of the base's region are meant, and not those alone that hold what is known to lie inside.
     """
 
     appearance: Appearance
@@ -94,6 +96,7 @@ class ClickedImage:
     level: float
     within: Mask | None
     ask: Callable[[Mask], Plane] | None = None
+    parts: bool = False
 
     @property
     def factor(self) -> int:
@@ -157,9 +160,13 @@ class ClickedImage:
         return expected_overlap(state.odds - np.float32(self.level), state.stays)
 
     @cached_property
-    def key(self) -> tuple[float, bytes]:
+    def key(self) -> tuple[float, bool, bytes]:
         """Equal where all states are: of the image and the base they see the reduced planes."""
-        return self.level, digest_of(self.appearance.lab, self.inside, self.outside, self.reduced_base, self.within)
+        return (
+            self.level,
+            self.parts,
+            digest_of(self.appearance.lab, self.inside, self.outside, self.reduced_base, self.within),
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -173,7 +180,7 @@ class ClickState:
     counted : ndarray of bool, shape (h, w)
         Where a click has counted.
     stays : ndarray of bool, shape (h, w)
-        The region: components that hold a click inside, and those that clicks outside have cut off.
+        The region: components that hold a click inside, and those that clicks outside have cut off; where parts are meant all.
     """
 
     odds: Plane
@@ -192,6 +199,8 @@ def with_clicks(
     base: Plane | None = None,
     ask: Callable[[Mask], Plane] | None = None,
     calibration: ScoreCalibration = PRIOR_CALIBRATION,
+    *,
+    parts: bool = False,
 ) -> EdgeMap:
     """Edges where the evidence falls to ``region.probability``; the image's own if both sides show the same colours.
 
@@ -204,6 +213,8 @@ def with_clicks(
         Gives the base from another start region, if it depends on that.
     calibration : ScoreCalibration
         What the base promises.
+    parts : bool
+        Whether all parts of its region are meant, as with ``region.islands: all``; it is used wherever the first start lies then.
 
     Raises
     ------
@@ -211,6 +222,7 @@ def with_clicks(
         If a click outside lies in the start region or beyond the image.
     """
     params, limits = scene.params, scene.disc if scene.domain is None else scene.domain
+    parts = parts or params.region.islands == "all"
     level, points = log_odds(params.region.probability), params.init.background
     if scene.boxes and base is not None:
         scene = _in_boxes(scene, base - np.float32(level))
@@ -222,12 +234,12 @@ def with_clicks(
     first, circles = _first(scene, inside)
     if base is None and len(circles) >= MOST_CORRECTIONS and not scene.clicked_outside:
         first, circles = inside, []
-    if base is not None and not scene.boxes and first.any() and base[first].max() <= level:
+    if base is not None and not (scene.boxes or parts) and first.any() and base[first].max() <= level:
         base, ask, calibration = None, None, PRIOR_CALIBRATION
     odds, kept = base, None
     if first.any():
         beyond = np.zeros_like(inside) if scene.background is None else scene.background > 0
-        clicked = ClickedImage(appearance_of(scene), first, beyond, base, level, within, ask)
+        clicked = ClickedImage(appearance_of(scene), first, beyond, base, level, within, ask, parts)
         state = state_after_all(clicked, circles, [_outside(point, scene.shape) for point in points])
         if state is not None:
             odds, kept = _at_full_size(clicked, state)
@@ -315,8 +327,10 @@ def _state_before(clicked: ClickedImage) -> ClickState | None:
 
 
 def first_state(clicked: ClickedImage, odds: Plane, inside: Mask) -> ClickState:
-    """The state with these log odds, and nothing corrected: the components that hold what is known to lie inside."""
-    return ClickState(odds, np.zeros(odds.shape, np.bool_), parts_holding(odds > clicked.level, clicked.region(inside)))
+    """The state with these log odds, and nothing corrected: the components that hold what is known to lie inside, or all."""
+    region = odds > clicked.level
+    stays = region if clicked.parts else parts_holding(region, clicked.region(inside))
+    return ClickState(odds, np.zeros(odds.shape, np.bool_), stays)
 
 
 def _state_after(
@@ -379,7 +393,7 @@ def next_state(
     stays = before.stays & region
     if click.inside:
         stays |= parts_holding(region | disc, disc)
-    else:
+    elif not clicked.parts:
         stays = parts_holding(stays, clicked.region(inside) | (distances(stays) >= click.depth))
     return ClickState(odds, before.counted | counted, stays)
 

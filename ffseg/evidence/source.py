@@ -77,10 +77,9 @@ def model_edges(scene: Scene) -> EdgeMap:
         return joined(_answers.of(scene.image, (path, _mark(path)), make, start) if scene.has_hints else make())
 
     promised = boxed or model.calibration
-    edges = _edges(scene, say(_before_clicks(scene)), own, "model", promised, lambda start: certain_odds(say(start)))
-    if edges.odds is None or edges.kept is not None or not (model.parts and scene.params.region.islands):
-        return edges
-    return replace(edges, kept=edges.odds > 0)
+    parts = model.parts and bool(scene.params.region.islands)
+    first = say(_before_clicks(scene))
+    return _edges(scene, first, own, "model", promised, lambda start: certain_odds(say(start)), parts=parts)
 
 
 def _seen(scene: Scene, model: Model) -> Appearance:
@@ -157,13 +156,17 @@ def _edges(
     source: str,
     calibration: ScoreCalibration = PRIOR_CALIBRATION,
     ask: Callable[[Mask], Plane] | None = None,
+    *,
+    parts: bool = False,
 ) -> EdgeMap:
     if scene.params.edges.evidence == "edges":
         return strength_edges(values, own)
     if scene.has_hints:
-        return with_clicks(scene, own, certain_odds(values), ask, calibration)
+        return with_clicks(scene, own, certain_odds(values), ask, calibration, parts=parts)
     edges = evidence_edges(at_level(values, scene.params.region.probability), own, source)
-    return edges if edges is own else replace(edges, calibration=calibration)
+    if edges.odds is None:
+        return edges
+    return replace(edges, calibration=calibration, kept=edges.odds > 0 if parts else None)
 
 
 def with_model_start(scene: Scene) -> Scene:

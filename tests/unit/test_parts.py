@@ -86,3 +86,16 @@ def test_all_parts_of_a_map_on_demand() -> None:
         for islands in (True, "all")
     )
     assert (one.num_regions, iou(every.mask, truth) > 0.9) == (1, True)
+
+
+def test_clicks_mend_a_few_of_many_parts(tmp_path: Path) -> None:
+    """The first click left only the part that it lay in; one outside would take all parts that are no deeper than it."""
+    model, (image, truth) = learned(tmp_path, 1, 2), cells(5)
+    center, wrong = deepest(truth), (truth > 0) & disc(*deepest(truth), 15)
+    missed = {"edges.model": model, "init.circles": [[8, 8, 3]]}
+    found = ffseg.segment(image, missed)
+    assert found.mask[8, 8]
+    assert iou(found.mask, truth) > 0.75, "what is clicked comes to the others"
+    left = ffseg.segment(image, {"edges.model": model, "init.background": [center]})
+    assert not left.mask[center[1], center[0]]
+    assert iou(left.mask, np.where(wrong, np.uint8(0), truth)) > 0.8
