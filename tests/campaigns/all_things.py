@@ -1,0 +1,116 @@
+"""Models of many things: ``python -m tests.campaigns.all_things [--images 8] [--masks 1,3]``.
+
+Draws pictures of stained nuclei and of leaves among stones, learns from the first masks, which show all things of the kind, and
+prints the mean IoU on the others: of all parts that the model tells, of the start's alone, and after one and three clicks, each
+in the middle of the largest error.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from statistics import mean
+from tempfile import TemporaryDirectory
+from typing import Annotated
+
+import cv2
+import numpy as np
+import typer
+from numpy.typing import NDArray
+
+import ffseg
+from ffseg.evidence.forest import to_bytes
+from ffseg.learning.drawn.clicks import Clicks
+from ffseg.learning.examples import samples_by_default
+from ffseg.learning.training import SampleSet, learn
+from ffseg.metrics import iou
+from ffseg.parameters import Parameters, click_radius
+from tests.campaigns import harness
+
+Drawn = tuple[NDArray[np.uint8], NDArray[np.uint8]]
+CLICKS = (1, 3)
+
+
+def _ellipse(rng: np.random.Generator, shape: tuple[int, int], longer: float, shorter: float) -> NDArray[np.bool_]:
+    found = np.zeros(shape, np.uint8)
+    middle = (rng.uniform(0, shape[1]), rng.uniform(0, shape[0]))
+    cv2.ellipse(found, (middle, (2 * longer, 2 * shorter), rng.uniform(0, 180)), 1, -1)
+    return found > 0
+
+
+def _texture(rng: np.random.Generator, shape: tuple[int, int], sigma: float) -> NDArray[np.float32]:
+    """Smooth noise of a standard deviation of about a quarter."""
+    return np.asarray(cv2.GaussianBlur(rng.normal(0, sigma, shape).astype(np.float32), (0, 0), sigma))
+
+
+def nuclei(seed: int) -> Drawn:
+    """25 to 60 nuclei, bright on a ground lit unevenly, with the noise of few photons."""
+    rng, shape = np.random.default_rng(seed), (520, 696)
+    light, truth = np.zeros(shape, np.float32), np.zeros(shape, np.uint8)
+    ground = cv2.resize(rng.random((3, 4)).astype(np.float32), shape[::-1], interpolation=cv2.INTER_CUBIC)
+    for _ in range(int(rng.integers(25, 60))):
+        longer = rng.uniform(9, 20)
+        one = _ellipse(rng, shape, longer, longer * rng.uniform(0.6, 1))
+        level = rng.uniform(30, 120) * (1 + 0.6 * _texture(rng, shape, 2.5))
+        light, truth = np.where(one, np.maximum(light, level), light), np.where(one, np.uint8(255), truth)
+    seen = np.clip(cv2.GaussianBlur(light, (0, 0), 1.5) + 20 + 12 * ground, 0, None)
+    noisy = rng.poisson(seen) + rng.normal(0, 3, shape)
+    return np.clip(noisy, 0, 255).astype(np.uint8), truth
+
+
+def leaves(seed: int) -> Drawn:
+    """2 to 13 green leaves of many sizes, and grey stones, on soil."""
+    rng, shape = np.random.default_rng(1000 + seed), (480, 640)
+    image = (
+        np.array([60, 90, 110]) + 50 * _texture(rng, shape, 6)[..., None] + 20 * _texture(rng, shape, 1.5)[..., None]
+    )
+    truth = np.zeros(shape, np.uint8)
+    for kind, count in (("stone", int(rng.integers(4, 9))), ("leaf", int(rng.integers(2, 14)))):
+        for _ in range(count):
+            longer, leaf = rng.uniform(25, 110), kind == "leaf"
+            one = _ellipse(rng, shape, longer, longer * rng.uniform(0.3, 0.6 if leaf else 0.9))
+            colour = np.array([40, 140, 60] if leaf else [120, 120, 120]) * rng.uniform(0.6, 1.4)
+            image[one] = (colour + 25 * _texture(rng, shape, 2.5)[..., None])[one]
+            truth[one] = 255 if leaf else 0
+    noisy = cv2.GaussianBlur(image, (0, 0), 0.8) * rng.uniform(0.7, 1.2) + rng.normal(0, 4, image.shape)
+    return np.clip(noisy, 0, 255).astype(np.uint8), truth
+
+
+KINDS: dict[str, Callable[[int], Drawn]] = {"nuclei": nuclei, "leaves": leaves}
+
+
+def _overlaps(drawn: Drawn, params: Parameters) -> list[float]:
+    """The IoU of all parts, of the start's, and after clicks."""
+    image, truth = drawn
+    alone = replace(params, region=replace(params.region, islands=False))
+    mask, clicks = ffseg.segment(image, params).mask, Clicks()
+    found = [iou(mask, truth), iou(ffseg.segment(image, alone).mask, truth)]
+    for number in range(1, max(CLICKS) + 1):
+        clicks = clicks.next(mask, truth, click_radius(truth.shape))
+        init = replace(params.init, circles=clicks.inside, background=clicks.outside)
+        mask = ffseg.segment(image, replace(params, init=init)).mask
+        found += [iou(mask, truth)] if number in CLICKS else []
+    return found
+
+
+def main(
+    images: Annotated[int, typer.Option(min=2)] = 8, masks: Annotated[str, typer.Option(metavar="LIST")] = "1,3"
+) -> None:
+    """Print the table."""
+    print("| kind | masks | all parts | the start's | after 1 click | after 3 |", "| --- " * 6 + "|", sep="\n")
+    with TemporaryDirectory() as folder:
+        for kind, draw in KINDS.items():
+            drawn = [draw(seed) for seed in range(images)]
+            for count in map(int, masks.split(",")):
+                path = Path(folder) / f"{kind}{count}.ffmodel"
+                path.write_bytes(to_bytes(learn(SampleSet([samples_by_default(*one) for one in drawn[:count]]))))
+                params = ffseg.load_params(None, {"edges.model": str(path)})
+                rows = [_overlaps(one, params) for one in drawn[count:]]
+                print(
+                    f"| {kind} | {count} |",
+                    " | ".join(f"{mean(column):.3f}" for column in zip(*rows, strict=True)),
+                    "|",
+                )
+
+
+if __name__ == "__main__":
+    harness.as_command(main)
