@@ -23,7 +23,7 @@ from ffseg.judge import judge_region
 from ffseg.native import _core
 from ffseg.plugins import EDGE_SOURCES, find, method
 from ffseg.result import Segmentation, Timings
-from ffseg.scene import Scene, check_sides
+from ffseg.scene import NothingThereError, Scene, Stats, check_sides
 from ffseg.starts.initial import box_domain, check_background, circles_beside, start_contours
 from ffseg.starts.moved import as_circle
 
@@ -46,6 +46,15 @@ def segment(scene: Scene) -> Segmentation:
     ParameterError
         If there is no such method or evidence source.
     """
+    try:
+        return _segmented(scene)
+    except NothingThereError as nothing:
+        mask, timings = np.zeros(scene.shape, np.bool_), Timings(0.0, 0.0, 0.0)
+        return Segmentation(mask, (), Stats(), timings, (str(nothing),), "model", 0.0, doubts=("empty",))
+
+
+def _segmented(scene: Scene) -> Segmentation:
+    """All steps, where a model does not say at one of them that there is nothing."""
     scene = with_method(scene)  # what runs, with its own parameters
     scene = with_starts(scene)  # where contours start
     shape, scene = scene.shape, before_enlargement(scene)  # at the size that the picture once had

@@ -271,5 +271,9 @@ def check_sides(shape: tuple[int, ...], most: int = MAX_SIDE, method: str = "ffs
         )
 
 
+class NothingThereError(SegmentationError):
+    """The region is empty, as a model of many things tells of none; the text says so."""
+
+
 class BlockedStartError(SegmentationError):
     """No sample of any start can move; the text is the remedy."""

@@ -78,5 +78,5 @@ def shared_input(scene: Scene, methods: Sequence[str]) -> SharedInput | None:
 
 
 def was_moved(messages: Sequence[str]) -> bool:
-    """Whether a result's messages say that its start was moved."""
-    return any("was moved to" in text for text in messages)
+    """Whether a result's messages say that its start was moved, or taken for a click."""
+    return any(said in text for text in messages for said in ("was moved to", "was taken for a click"))

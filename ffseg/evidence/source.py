@@ -26,7 +26,7 @@ from ffseg.image.parts import connected_parts
 from ffseg.image.raster import rasterize
 from ffseg.io.files import printable, read_bytes
 from ffseg.parameters import Network, Parameters
-from ffseg.scene import Scene
+from ffseg.scene import NothingThereError, Scene
 from ffseg.starts.initial import circle_start, middles
 from ffseg.starts.parts import start_core
 from ffseg.starts.pockets import discs
@@ -176,6 +176,8 @@ def with_model_start(scene: Scene) -> Scene:
     ------
     SegmentationError
         If it lies outside, no circle is given, and the model finds no other.
+    NothingThereError
+        If a model of many things finds none of them, and no circle is given.
 
     Notes
     -----
@@ -198,11 +200,13 @@ def with_model_start(scene: Scene) -> Scene:
             if init.circles:
                 return scene
             circle = model_start(seen, model, most, outside)
-            if circle is None:
+            if circle is None and not model.parts:
                 raise SegmentationError(
                     "the model finds no start beside what is known to lie outside; add one, in init.circles"
                 )
     if circle is None:
+        if model.parts and model.start is not None and not init.circles:
+            raise NothingThereError("the model tells of none of the things that it has learned")
         return scene
     later = tuple((*seed[:3], seed[3] + 1) if len(seed) == 4 else seed for seed in init.background)
     return replace(scene, params=replace(params, init=replace(init, circles=(circle, *init.circles), background=later)))

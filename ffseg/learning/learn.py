@@ -272,6 +272,8 @@ def _begun(model: Model, image: Appearance, params: Parameters, start: Mask | No
 
 def _contoured(one: LabelledImage, params: Parameters, evidence: Plane | None, *, parts: bool = False) -> LeftOut:
     """What is found in an image by some evidence: in all parts that it tells, or from the start."""
+    if parts and evidence is None:  # it has found none
+        return LeftOut(iou(np.zeros(one.truth.shape, np.bool_), one.truth))
     if parts and params.region.islands:
         params = replace(params, region=replace(params.region, islands="all"))
     try:

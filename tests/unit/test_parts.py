@@ -99,3 +99,14 @@ def test_clicks_mend_a_few_of_many_parts(tmp_path: Path) -> None:
     left = ffseg.segment(image, {"edges.model": model, "init.background": [center]})
     assert not left.mask[center[1], center[0]]
     assert iou(left.mask, np.where(wrong, np.uint8(0), truth)) > 0.8
+
+
+def test_an_image_with_none_of_many_things_has_an_empty_region(tmp_path: Path) -> None:
+    """It was filled whole: the contour began in the middle, and the image's own edges decided."""
+    model = learned(tmp_path, 1, 2)
+    bare = np.clip(np.random.default_rng(9).normal(60, 8, (*SHAPE, 3)), 0, 255).astype(np.uint8)
+    found = ffseg.segment(bare, {"edges.model": model})
+    assert (found.mask.any(), found.contours, found.doubts, found.score) == (False, (), ("empty",), 0)
+    assert found.messages == ("the model tells of none of the things that it has learned",)
+    clicked = ffseg.segment(bare, {"edges.model": model, "init.circles": [[100, 80, 5]]})
+    assert clicked.mask[80, 100], "who clicks means something"
