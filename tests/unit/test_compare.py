@@ -26,6 +26,7 @@ from ffseg.result import Segmentation, Timings
 from ffseg.scene import Stats
 from tests.discs import write_case
 from tests.masks import write_image
+from tests.small_things import small_things
 
 
 @pytest.fixture
@@ -77,6 +78,17 @@ def test_all_methods_have_the_same_edges_and_starts(case: Path, monkeypatch: pyt
     watched.reset_mock()
     work.compare(replace(task, own_edges=True), silent)
     assert not any(call.args[0].edges_given for call in watched.call_args_list)
+
+
+def test_a_start_that_was_taken_for_a_click_is_one_for_all(tmp_path: Path) -> None:
+    """The others grew from the wide circle, which holds the small disc whole."""
+    image, truth = small_things(10.0)
+    write_image(tmp_path / "a.png", image)
+    write_image(tmp_path / "truth" / "a.png", truth)
+    task = task_of(tmp_path, "freeform,snake,levelset", **{"init.center": [120, 90], "init.radius": "auto"})
+    rows = work.compare(task, silent)
+    assert [row.start_moved for row in rows] == ["yes"] * 3
+    assert all(row.iou is not None and row.iou > 0.75 for row in rows)
 
 
 def test_a_start_mask_that_is_moved_is_moved_for_all(case: Path) -> None:

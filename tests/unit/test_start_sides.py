@@ -12,6 +12,7 @@ from ffseg.starts import sides
 from ffseg.starts.initial import circle_start
 from ffseg.starts.moved import SPARE_MARGIN, nearest_free_circle
 from tests.discs import overlap
+from tests.small_things import small_things
 
 CENTER, RADIUS, START = (110.0, 100.0), 60.0, 14.0
 
@@ -156,17 +157,6 @@ def test_a_start_over_ground_outside_the_domain_leaves_it(hole: tuple[int, int, 
     found = ffseg.segment(image, {"init.center": list(CENTER), "init.radius": 25}, domain=domain)
     assert overlap(found.mask, truth & (domain > 0)) > 0.98
     assert "lay across the domain's limit and was moved to (" in found.messages[0]
-
-
-def small_things(noise: float = 0.0) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
-    """Three small discs, and the one that a start of a fifteenth of the shorter side in (120, 90) holds whole."""
-    image, truth = np.full((180, 240, 3), (60, 50, 40), np.uint8), np.zeros((180, 240), np.uint8)
-    for x, y in ((120, 90), (60, 40), (200, 150)):
-        cv2.circle(image, (x, y), 8, (90, 170, 200), -1)
-    cv2.circle(truth, (120, 90), 8, 1, -1)
-    image = cv2.GaussianBlur(image, (0, 0), 1.0)
-    drawn = np.random.default_rng(5).normal(0, noise, image.shape)
-    return np.clip(image + drawn, 0, 255).astype(np.uint8), truth > 0
 
 
 @pytest.mark.parametrize(
