@@ -90,10 +90,10 @@ def contour(scene: Scene) -> ContourResult:
         )
     begin = perf_counter()
     rivals = rivals_of(scene) if scene.has_rivals else None
-    small = click_in_parted(scene) if scene.edges.source in ("model", "evidence") else ()
-    (scene, *said), *_ = (*small, (scene,))
+    click = click_in_parted(scene) if scene.edges.source in ("model", "evidence") else None
+    scene, said = click or (scene, "")
     free, messages, across = on_one_side(scene)
-    messages = (*said, *messages)
+    messages = (said, *messages) if said else messages
     more = starts_in_parts(free)
     beyond = (*more, *further_starts(replace(free, starts=(*free.starts, *more))))  # of what lies on the starts' side
     free = apart(replace(free, starts=(*free.starts, *beyond)))

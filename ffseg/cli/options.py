@@ -103,11 +103,8 @@ def overrides(arguments: Mapping[str, Any]) -> list[str]:
     arguments : mapping
         Values of the options by the names that `run` and `segment` give them.
     """
-    boxes, outside, starts = (
-        arguments["boxes"],
-        arguments["outside"],
-        [_place("--at", one) for one in arguments["at"] or ()],
-    )
+    boxes, outside = arguments["boxes"], arguments["outside"]
+    starts = [_place("--at", one) for one in arguments["at"] or ()]
     if starts and arguments.get("starts"):
         raise UsageError("--at starts every image at one place, --starts each at its own; leave out one of them")
     named = _started(starts, corrects=bool(boxes))

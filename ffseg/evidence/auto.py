@@ -33,7 +33,8 @@ def auto(scene: Scene) -> EdgeMap:
     if scene.params.edges.canny != "auto":
         return edges
     scene = replace(scene, edges=edges, callback=None)
-    looks = (*click_in_parted(scene), (scene, ""))
+    click, whole = click_in_parted(scene), (scene, "")
+    looks = [whole] if click is None else [click, whole]
     for look, said in looks:
         found = _trial(look)
         if found is not None and not (_holds_rivals(found, scene) or _mends_a_rim(found, scene)):

@@ -162,11 +162,8 @@ class ClickedImage:
     @cached_property
     def key(self) -> tuple[float, bool, bytes]:
         """Equal where all states are: of the image and the base they see the reduced planes."""
-        return (
-            self.level,
-            self.parts,
-            digest_of(self.appearance.lab, self.inside, self.outside, self.reduced_base, self.within),
-        )
+        seen = digest_of(self.appearance.lab, self.inside, self.outside, self.reduced_base, self.within)
+        return self.level, self.parts, seen
 
 
 @dataclass(frozen=True, slots=True, eq=False)

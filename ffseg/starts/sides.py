@@ -89,8 +89,8 @@ def on_one_side(scene: Scene) -> tuple[Scene, tuple[str, ...], bool]:
     return (scene if kept else replace(scene, starts=left)), tuple(messages), across
 
 
-def click_in_parted(scene: Scene) -> tuple[tuple[Scene, str], ...]:
-    """The scene with a click in place of its start, and a message, where nobody named a radius and edges part it; else nothing.
+def click_in_parted(scene: Scene) -> tuple[Scene, str] | None:
+    """The scene with a click in place of its start, and a message, where nobody named a radius and edges part it; else None.
 
     A circle of that radius may hold a small thing whole. What lies in the middle of an image, or of a mirror, nobody points at.
     """
@@ -99,21 +99,21 @@ def click_in_parted(scene: Scene) -> tuple[tuple[Scene, str], ...]:
     radius, click = init.radius_in(scene.shape), click_radius(scene.shape)
     grows = scene.params.contour.balloon >= 0 and scene.disc is None
     if init.radius != "auto" or not (pointed and grows) or click >= radius:
-        return ()
+        return None
     x, y = wide.control_points.mean(axis=0).tolist()
     window, corner = _window(Circle(x, y, radius), radius + EDGE_REACH)
     edges, domain = scene.edges.edges[window], None if scene.domain is None else scene.domain[window]
     inside = rasterize([FreeForm(wide.control_points - corner, wide.degree)], edges.shape)
     if not edges[inside].any():
-        return ()
+        return None
     reached = cv2.dilate(inside.view(np.uint8), np.ones((3, 3), np.uint8)) > 0
     sides = open_sides(free_pixels(edges, domain))[reached]
     if np.count_nonzero(np.bincount(sides)[1:]) < MIN_PARTED:
-        return ()
+        return None
     small = circle_start((x, y, click), scene.params)
     before, after = (as_circle(one).enlarged(scene.factor) for one in (wide, small))
     message = f"edges part the start at {before}: it was taken for a click, of radius {after.radius:.4g}"
-    return ((replace(scene, starts=(small,)), message),)
+    return replace(scene, starts=(small,)), message
 
 
 def _window(start: Circle, reach: float) -> tuple[tuple[slice, slice], tuple[int, int]]:

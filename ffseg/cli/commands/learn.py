@@ -146,8 +146,8 @@ def base_sentence(base: BaseChoice) -> str:
     """Whether the forest that comes with ffseg was corrected, and why."""
     shipped = "the forest that comes with ffseg"
     how = f"corrects {shipped}" if base.corrected else f"grown from the masks alone, without {shipped}"
-    why = f"{base.enough:.2f} is enough" if base.base >= base.enough else "one mask is too little to begin with"
-    why = why if base.corrected else "it tells one thing from its surroundings"
+    few = "one mask is too little to begin with" if base.corrected else "it tells one thing from its surroundings"
+    why = f"{base.enough:.2f} is enough" if base.corrected and base.base >= base.enough else few
     because = why if base.taught is None else f"they teach each other {base.taught:.2f}"
     return f"{how}, which shares {base.base:.2f} of the masks' pixels by itself ({because})"
 
