@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from commands import Command
 
 import ffseg
 from ffseg.evidence.forest import to_bytes
@@ -12,6 +13,7 @@ from ffseg.learning.examples import Example, samples, share_apart
 from ffseg.learning.training import SampleSet, learn
 from ffseg.metrics import iou
 from tests.discs import disc_of
+from tests.masks import read_mask, write_image
 
 SHAPE, RADIUS = (160, 240), 10
 disc = disc_of(SHAPE)
@@ -110,3 +112,16 @@ def test_an_image_with_none_of_many_things_has_an_empty_region(tmp_path: Path) -
     assert found.messages == ("the model tells of none of the things that it has learned",)
     clicked = ffseg.segment(bare, {"edges.model": model, "init.circles": [[100, 80, 5]]})
     assert clicked.mask[80, 100], "who clicks means something"
+
+
+def test_a_steady_film_of_many_things_may_have_none(ffseg_command: Command, tmp_path: Path) -> None:
+    """A start carried into a frame without things filled it."""
+    model, (image, truth) = learned(tmp_path, 1, 2), cells(5)
+    bare = np.clip(np.random.default_rng(9).normal(60, 8, (*SHAPE, 3)), 0, 255).astype(np.uint8)
+    for number, frame in enumerate((image, bare, image)):
+        write_image(tmp_path / "film" / f"{number}.png", frame)
+    film = ("run", tmp_path / "film", "--film", "--steady", "--out", tmp_path / "out", "--set", f"edges.model={model}")
+    ffseg_command(*film, code=0)
+    masks = [read_mask(tmp_path / "out" / "masks" / f"{number}.png") for number in range(3)]
+    assert not masks[1].any()
+    assert min(iou(masks[number], truth) for number in (0, 2)) > 0.8

@@ -17,7 +17,7 @@ from ffseg.image.parts import connected_parts
 from ffseg.io.files import read_bytes
 from ffseg.io.images import Limits, decode_image
 from ffseg.io.masks import decode_mask
-from ffseg.io.starts import Start
+from ffseg.io.starts import Start, finds_starts
 from ffseg.parameters import Box, Circle, Parameters
 from ffseg.pipeline import outlines_of
 from ffseg.result import Segmentation, Timings
@@ -99,7 +99,8 @@ class PastFrame:
     def start(self, params: Parameters, shape: tuple[int, ...], said: Start | None) -> Parameters:
         """The parameters with the start moved into the carried region or, if there are several, as many in its parts.
 
-        Boxes that a starts file said of an earlier frame become those round its parts; what it says of this one stays.
+        Boxes that a starts file said of an earlier frame become those round its parts; what it says of this one stays. A model of
+        many things finds them anew, or none.
         """
         init = params.init
         if self._carried is None or not self.steady or (said and not said.held):
@@ -107,7 +108,7 @@ class PastFrame:
         region, seen = self._carried
         if said and init.boxes:
             return replace(params, init=replace(init, boxes=_boxes_round(region) or init.boxes))
-        if init.boxes or init.mask:
+        if init.boxes or init.mask or (said is None and _finds_all(params)):
             return params
         if len(init.circles) > 1:
             circles = _starts_in(seen, len(init.circles)) or init.circles
@@ -160,6 +161,15 @@ class PastFrame:
             return read_bytes(path, self.limits.max_bytes)
         except ImageReadError:
             return b""
+
+
+def _finds_all(params: Parameters) -> bool:
+    """Whether a model of many things finds their starts."""
+    if not finds_starts(params) or params.edges.model is None:
+        return False
+    from ffseg.evidence.source import ready  # loads forests
+
+    return ready(params.edges.model).parts
 
 
 def _boxes_round(region: Mask) -> tuple[Box, ...]:
