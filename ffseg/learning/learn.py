@@ -178,7 +178,8 @@ def _sampled(gathered: TrainingSet, params: Parameters, tell: Tell) -> tuple[Tra
         tell(f"looking at {printable(one.name)}")
         try:
             radius = smaller(params, one.factor).init.radius_in(one.image.shape)
-            chosen.append(samples(Example(one.image, one.truth, one.start, radius)))
+            seen = samples(Example(one.image, one.truth, one.start, radius))
+            chosen.append(replace(seen, apart=1.0) if params.region.islands == "all" else seen)
             labelled.append(one)
         except UsageError as error:
             refused.append(UsageError(f"{printable(one.name)}: {error}"))

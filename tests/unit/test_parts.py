@@ -125,3 +125,19 @@ def test_a_steady_film_of_many_things_may_have_none(ffseg_command: Command, tmp_
     masks = [read_mask(tmp_path / "out" / "masks" / f"{number}.png") for number in range(3)]
     assert not masks[1].any()
     assert min(iou(masks[number], truth) for number in (0, 2)) > 0.8
+
+
+def test_scribbles_are_said_to_mean_all(ffseg_command: Command, tmp_path: Path) -> None:
+    """What is unknown between scribbles may join them, so that they show nothing apart."""
+    pytest.importorskip("lightgbm")
+    image, truth = cells(1)
+    scribbled = np.where((truth > 0) & (np.arange(SHAPE[1]) < 140), np.uint8(255), np.uint8(128))
+    scribbled[(truth == 0) & (np.arange(SHAPE[0])[:, None] % 40 < 6)] = 0
+    write_image(tmp_path / "in" / "a.png", image)
+    write_image(tmp_path / "truth" / "a.png", scribbled)
+    said = ("learn", tmp_path / "in", "--truth", tmp_path / "truth", "--quiet", "--set", "region.islands=all")
+    done = ffseg_command(*said, "--out", tmp_path / "a.ffmodel", code=0)
+    assert "all that the model tells are taken" in done.stdout
+    other, whole = cells(5)
+    found = ffseg.segment(other, {"edges.model": str(tmp_path / "a.ffmodel")})
+    assert iou(found.mask, whole) > 0.7
