@@ -9,6 +9,7 @@ from commands import Command
 import ffseg
 from ffseg.evidence.forest import to_bytes
 from ffseg.image.free import distances
+from ffseg.image.parts import connected_parts
 from ffseg.learning.examples import Example, samples, share_apart
 from ffseg.learning.training import SampleSet, learn
 from ffseg.metrics import iou
@@ -141,3 +142,16 @@ def test_scribbles_are_said_to_mean_all(ffseg_command: Command, tmp_path: Path) 
     other, whole = cells(5)
     found = ffseg.segment(other, {"edges.model": str(tmp_path / "a.ffmodel")})
     assert iou(found.mask, whole) > 0.7
+
+
+def test_a_place_in_each_of_many_things(ffseg_command: Command, tmp_path: Path) -> None:
+    """As a detector writes them, without radii: each was a disc of a fifteenth of the shorter side, wider than the cells."""
+    image, truth = cells(4)
+    components = connected_parts(truth > 0)
+    places = [np.argwhere(components.labels == part).mean(axis=0) for part in range(1, components.number)]
+    write_image(tmp_path / "in" / "a.png", image)
+    rows = [f"a,{column:.0f},{row:.0f}" for row, column in places]
+    (tmp_path / "places.csv").write_text("\n".join(["image,x,y", *rows, ""]), encoding="utf-8")
+    run = ("run", tmp_path / "in", "--starts", tmp_path / "places.csv", "--out", tmp_path / "out")
+    ffseg_command(*run, code=0)
+    assert iou(read_mask(tmp_path / "out" / "masks" / "a.png"), truth) > 0.8
