@@ -20,7 +20,7 @@ from ffseg.plugins import method as chosen
 from ffseg.scene import BlockedStartError, Outcome, Scene
 from ffseg.starts.initial import starts_from_mask
 from ffseg.starts.moved import as_circle
-from ffseg.starts.parts import further_starts, starts_in_parts
+from ffseg.starts.parts import further_starts, with_parts
 from ffseg.starts.rivals import add_disc, before_rivals, rivals_of
 from ffseg.starts.sides import click_in_parted, on_one_side
 
@@ -94,8 +94,11 @@ def contour(scene: Scene) -> ContourResult:
     scene, said = click or (scene, "")
     free, messages, across = on_one_side(scene)
     messages = (said, *messages) if said else messages
-    more = starts_in_parts(free)
-    beyond = (*more, *further_starts(replace(free, starts=(*free.starts, *more))))  # of what lies on the starts' side
+    before, free = free, with_parts(free)
+    if scene.params.init.center != "auto" or scene.params.init.circles:
+        gone = (as_circle(one).enlarged(scene.factor) for one in before.starts if one not in free.starts)
+        messages += tuple(f"the start at {one} lies in no part that is told, and was left out" for one in gone)
+    beyond = further_starts(free)  # of what lies on the starts' side
     free = apart(replace(free, starts=(*free.starts, *beyond)))
     try:
         free, outcome = without_rivals(free, rivals)

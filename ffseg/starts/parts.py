@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ffseg.arrays import Mask
@@ -12,13 +14,16 @@ from ffseg.scene import Scene
 from ffseg.starts.initial import circle_start
 
 
-def starts_in_parts(scene: Scene) -> tuple[FreeForm, ...]:
-    """Start circles in the other components of a told region, where all are meant: those of what clicks have left, or all."""
+def with_parts(scene: Scene) -> Scene:
+    """The scene with a start in each component of a told region, where all are meant: those of what clicks have left, or all.
+
+    A start that lies in none of them shows nothing of these, and gives way.
+    """
     stays, params = scene.edges.kept, scene.params
     if stays is None and params.region.islands == "all" and scene.edges.odds is not None:
         stays = scene.edges.odds > 0
     if stays is None or _one_contour(scene):
-        return ()
+        return scene
     from ffseg.starts.pockets import MIN_PIXELS, discs
 
     if scene.domain is not None:
@@ -26,7 +31,8 @@ def starts_in_parts(scene: Scene) -> tuple[FreeForm, ...]:
     components = connected_parts(stays)
     large = np.setdiff1d(np.flatnonzero(components.areas >= MIN_PIXELS), components.touching(scene.start_region()))
     found = discs(stays, components, large, params.init.radius_in(scene.shape))
-    return tuple(circle_start(circle, params) for circle in found)
+    own = tuple(one for one in scene.starts if not found or (rasterize([one], scene.shape) & stays).any())
+    return replace(scene, starts=(*own, *(circle_start(circle, params) for circle in found)))
 
 
 def start_core(scene: Scene) -> Mask:

@@ -82,13 +82,17 @@ def test_what_lies_apart_in_a_mask() -> None:
 
 
 def test_all_parts_of_a_map_on_demand() -> None:
+    """A start that lies in none of them grew in the ground."""
     image, truth = cells(3)
-    told, center = np.where(truth > 0, np.float32(0.9), np.float32(0.1)), deepest(truth)
-    one, every = (
-        ffseg.segment(image, {"init.center": center, "region.islands": islands}, evidence=told)
-        for islands in (True, "all")
-    )
-    assert (one.num_regions, iou(every.mask, truth) > 0.9) == (1, True)
+    told, outside = np.where(truth > 0, np.float32(0.9), np.float32(0.1)), [4, 4]
+    one = ffseg.segment(image, {"init.center": deepest(truth)}, evidence=told)
+    assert one.num_regions == 1
+    for where in ({"init.center": deepest(truth)}, {}, {"init.center": outside}):
+        every = ffseg.segment(image, {"region.islands": "all", **where}, evidence=told)
+        assert iou(every.mask, truth) > 0.9
+        assert any("lies in no part that is told" in said for said in every.messages) == (
+            where.get("init.center") == outside
+        )
 
 
 def test_clicks_mend_a_few_of_many_parts(tmp_path: Path) -> None:
