@@ -107,10 +107,11 @@ def with_method(scene: Scene) -> Scene:
 def with_starts(scene: Scene) -> Scene:
     """The scene with its start contours: those asked for, or the disc a model is surest of."""
     check_background(scene.shape, scene.params, scene.background)
-    if scene.params.edges.model is not None and scene.start_mask is None and scene.center is None:
-        from ffseg.evidence.source import with_model_start
+    if scene.params.edges.model is not None:
+        from ffseg.evidence.source import with_all_parts, with_model_start
 
-        scene = with_model_start(scene)
+        scene = with_all_parts(scene)
+        scene = with_model_start(scene) if scene.start_mask is None and scene.center is None else scene
     starts = start_contours(scene.shape, scene.params, scene.start_mask, scene.center, scene.domain)
     return replace(scene, starts=starts)
 

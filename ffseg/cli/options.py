@@ -15,7 +15,7 @@ from ffseg.cli.checks import folder
 from ffseg.errors import UsageError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Collection, Mapping
 
     from ffseg.parameters import Parameters
 
@@ -104,12 +104,12 @@ def overrides(arguments: Mapping[str, Any]) -> list[str]:
         Values of the options by the names that `run` and `segment` give them.
     """
     boxes, outside = arguments["boxes"], arguments["outside"]
-    starts = [_place("--at", one) for one in arguments["at"] or ()]
+    starts = _places("--at", arguments["at"] or ())
     if starts and arguments.get("starts"):
         raise UsageError("--at starts every image at one place, --starts each at its own; leave out one of them")
     named = _started(starts, corrects=bool(boxes))
     named += [f"init.boxes=[{', '.join(map(_corners, boxes))}]"] if boxes else []
-    named += [f"init.background=[{', '.join(_place('--not', one) for one in outside)}]"] if outside else []
+    named += [f"init.background={_listed(_places('--not', outside))}"] if outside else []
     kept = {key: arguments[key] for key in ("largest", "min_area", "fill_holes", "label") if arguments[key] is not None}
     named += [f"region.{key}={json.dumps(value, ensure_ascii=False)}" for key, value in kept.items()]
     return [*(arguments["settings"] or ()), *named]
@@ -125,17 +125,23 @@ def _corners(box: str) -> str:
 
 
 def _started(places: list[str], *, corrects: bool) -> list[str]:
-    """Overrides for starts, texts of lists: one alone is as wide as `init.radius` says if it says nothing, others are clicks."""
+    """Overrides for starts: one alone is as wide as `init.radius` says if it says nothing, others are clicks."""
     if len(places) != 1 or corrects:
-        return [f"init.circles=[{', '.join(places)}]"] if places else []
-    x, y, *radius = places[0].strip("[]").split(",")
+        return [f"init.circles={_listed(places)}"] if places else []
+    x, y, *radius = places[0].split(",")
     return [f"init.center=[{x}, {y}]", *(f"init.radius={one}" for one in radius)]
 
 
-def _place(option: str, text: str) -> str:
-    if len(text.split(",")) not in (2, 3) or not all(map(_is_number, text.split(","))):
-        raise UsageError(f"{option} {text}: write X,Y or X,Y,R in pixels, such as {option} 120,80,10")
-    return f"[{text}]"
+def _places(option: str, texts: Collection[str]) -> list[str]:
+    """The texts of an option, each two or three numbers."""
+    for text in texts:
+        if len(text.split(",")) not in (2, 3) or not all(map(_is_number, text.split(","))):
+            raise UsageError(f"{option} {text}: write X,Y or X,Y,R in pixels, such as {option} 120,80,10")
+    return list(texts)
+
+
+def _listed(places: Collection[str]) -> str:
+    return f"[{', '.join(f'[{one}]' for one in places)}]"
 
 
 def _is_number(text: str) -> bool:

@@ -196,8 +196,6 @@ def with_clicks(
     base: Plane | None = None,
     ask: Callable[[Mask], Plane] | None = None,
     calibration: ScoreCalibration = PRIOR_CALIBRATION,
-    *,
-    parts: bool = False,
 ) -> EdgeMap:
     """Edges where the evidence falls to ``region.probability``; the image's own if both sides show the same colours.
 
@@ -205,13 +203,11 @@ def with_clicks(
     ----------
     base : ndarray of float32, shape (H, W), optional
         Log odds of inside that clicks correct, from a model, a map of the image or boxes; the prior's if None. Without
-        boxes, they are not used if the first start lies wholly outside the region that they give.
+        boxes, they are not used if the first start lies wholly outside the region that they give, unless all its parts are meant.
     ask : callable, optional
         Gives the base from another start region, if it depends on that.
     calibration : ScoreCalibration
         What the base promises.
-    parts : bool
-        Whether all parts of its region are meant, as with ``region.islands: all``; it is used wherever the first start lies then.
 
     Raises
     ------
@@ -219,7 +215,7 @@ def with_clicks(
         If a click outside lies in the start region or beyond the image.
     """
     params, limits = scene.params, scene.disc if scene.domain is None else scene.domain
-    parts = parts or params.region.islands == "all"
+    parts = params.region.islands == "all"
     level, points = log_odds(params.region.probability), params.init.background
     if scene.boxes and base is not None:
         scene = _in_boxes(scene, base - np.float32(level))

@@ -77,9 +77,7 @@ def model_edges(scene: Scene) -> EdgeMap:
         return joined(_answers.of(scene.image, (path, _mark(path)), make, start) if scene.has_hints else make())
 
     promised = boxed or model.calibration
-    parts = model.parts and bool(scene.params.region.islands)
-    first = say(_before_clicks(scene))
-    return _edges(scene, first, own, "model", promised, lambda start: certain_odds(say(start)), parts=parts)
+    return _edges(scene, say(_before_clicks(scene)), own, "model", promised, lambda start: certain_odds(say(start)))
 
 
 def _seen(scene: Scene, model: Model) -> Appearance:
@@ -156,17 +154,27 @@ def _edges(
     source: str,
     calibration: ScoreCalibration = PRIOR_CALIBRATION,
     ask: Callable[[Mask], Plane] | None = None,
-    *,
-    parts: bool = False,
 ) -> EdgeMap:
     if scene.params.edges.evidence == "edges":
         return strength_edges(values, own)
     if scene.has_hints:
-        return with_clicks(scene, own, certain_odds(values), ask, calibration, parts=parts)
+        return with_clicks(scene, own, certain_odds(values), ask, calibration)
     edges = evidence_edges(at_level(values, scene.params.region.probability), own, source)
-    if edges.odds is None:
-        return edges
-    return replace(edges, calibration=calibration, kept=edges.odds > 0 if parts else None)
+    return edges if edges is own else replace(edges, calibration=calibration)
+
+
+def finds_all(params: Parameters) -> bool:
+    """Whether the model of these parameters is one of many things, of which it tells all."""
+    path = params.edges.model
+    return path is not None and path.endswith(FOREST_SUFFIX) and ready(path).parts
+
+
+def with_all_parts(scene: Scene) -> Scene:
+    """The scene, which asks for all parts if its model tells all of many things and nobody has said otherwise."""
+    params = scene.params
+    if params.region.islands is not True or scene.evidence is not None or not finds_all(params):
+        return scene
+    return replace(scene, params=replace(params, region=replace(params.region, islands="all")))
 
 
 def with_model_start(scene: Scene) -> Scene:

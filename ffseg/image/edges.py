@@ -103,7 +103,7 @@ class EdgeMap:
     calibration : ScoreCalibration
         What the overlap that these promise is worth.
     kept : ndarray of bool, shape (H, W), or None
-        Where all parts of a region are meant that a model or a map tells: these, but for what clicks take away.
+        Where clicks correct what a model or a map says: the region it tells, but for what clicks take away.
     trial : tuple, optional
         Where the source has asked for a contour: this map, and what it found (`ffseg.contour.trial_result`). It counts for no
         other map, image or method.

@@ -17,7 +17,7 @@ from ffseg.image.parts import connected_parts
 from ffseg.io.files import read_bytes
 from ffseg.io.images import Limits, decode_image
 from ffseg.io.masks import decode_mask
-from ffseg.io.starts import Start, finds_starts
+from ffseg.io.starts import Start
 from ffseg.parameters import Box, Circle, Parameters
 from ffseg.pipeline import outlines_of
 from ffseg.result import Segmentation, Timings
@@ -105,10 +105,12 @@ class PastFrame:
         init = params.init
         if self._carried is None or not self.steady or (said and not said.held):
             return params
+        from ffseg.evidence.source import finds_all  # loads forests
+
         region, seen = self._carried
         if said and init.boxes:
             return replace(params, init=replace(init, boxes=_boxes_round(region) or init.boxes))
-        if init.boxes or init.mask or (said is None and _finds_all(params)):
+        if init.boxes or init.mask or (said is None and finds_all(params)):
             return params
         if len(init.circles) > 1:
             circles = _starts_in(seen, len(init.circles)) or init.circles
@@ -161,15 +163,6 @@ class PastFrame:
             return read_bytes(path, self.limits.max_bytes)
         except ImageReadError:
             return b""
-
-
-def _finds_all(params: Parameters) -> bool:
-    """Whether a model of many things finds their starts."""
-    if not finds_starts(params) or params.edges.model is None:
-        return False
-    from ffseg.evidence.source import ready  # loads forests
-
-    return ready(params.edges.model).parts
 
 
 def _boxes_round(region: Mask) -> tuple[Box, ...]:
