@@ -205,7 +205,9 @@ class Region(Section):
         "px; colours are compared within windows so wide, 16 at least, and those beside; 0 = the whole image",
     )
     islands: bool | Literal["all"] = declared(
-        True, OrWord("all", Flag()), "parts apart from the start's: those as sure by the prior; all = of what is told"
+        True,
+        OrWord("all", Flag()),
+        "parts apart from the start's: those as sure by the prior; all = all told, or alike",
     )
     probability: float = declared(
         0.5,

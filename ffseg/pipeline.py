@@ -24,7 +24,7 @@ from ffseg.native import _core
 from ffseg.plugins import EDGE_SOURCES, find, method
 from ffseg.result import Segmentation, Timings
 from ffseg.scene import NothingThereError, Scene, Stats, check_sides
-from ffseg.starts.initial import box_domain, check_background, circles_beside, start_contours
+from ffseg.starts.initial import check_background, circles_beside, start_contours
 from ffseg.starts.moved import as_circle
 
 SETTLING_TOLERANCE = 2
@@ -120,11 +120,12 @@ def with_domain(scene: Scene) -> Scene:
     """The scene with what its boxes hold for a domain; else, where none is given, the valid disc of a mirror or fisheye.
 
     The disc counts only where every start lies in it. Boxes bound nothing where a circle lies in none: it may be to find a thing
-    of its own, or what a box has cut off.
+    of its own, or what a box has cut off, or where they show what is to be found everywhere.
     """
-    if scene.boxes and not circles_beside(scene.params.init):
-        held = box_domain(scene.boxes, scene.shape)
-        return replace(scene, domain=held if scene.domain is None else np.where(held > 0, scene.domain, np.uint8(0)))
+    if scene.boxes and source_of(scene) != "alike" and not circles_beside(scene.params.init):
+        from ffseg.starts.boxes import within_boxes  # loads what only this needs
+
+        return within_boxes(scene)
     if scene.params.domain.disc == "off" or scene.domain is not None or scene.edges_given:
         return scene
     found = valid_disc(scene.image)
@@ -164,7 +165,11 @@ def source_of(scene: Scene) -> str:
     if edges.source != "auto":
         return edges.source
     stands_for = scene.method.source if scene.method is not None else ""
-    return stands_for or ("box" if scene.boxes and edges.canny == "auto" else "auto")
+    if stands_for or edges.canny != "auto":
+        return stands_for or "auto"
+    if scene.params.region.islands == "all":
+        return "alike"
+    return "box" if scene.boxes else "auto"
 
 
 def contour_of(scene: Scene) -> ContourResult:
@@ -230,6 +235,7 @@ def fallback_messages(scene: Scene) -> tuple[str, ...]:
         "model": "the model",
         "hints": "what is seen of the clicks",
         "box": "what is seen in the box",
+        "alike": "what looks like the start",
     }.get(source_of(scene), "")
     if not who or scene.edges_given or scene.edges.source != "gradient" or scene.params.edges.evidence == "edges":
         return ()

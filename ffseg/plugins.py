@@ -34,14 +34,34 @@ def require(module: str, what: str, extra: str) -> None:
         raise UsageError(f"{what}; install it with: pip install 'ffseg[{extra}]'")
 
 
-def check_source(source: str, model: str | None) -> None:
+def require_lightgbm() -> None:
+    """Refuse to grow a forest where there is nothing that does.
+
+    Raises
+    ------
+    UsageError
+        If LightGBM is not installed.
+    """
+    require("lightgbm", "learning needs LightGBM", "learn")
+
+
+def check_source(source: str, model: str | None, *, alike: bool = False) -> None:
     """Refuse the evidence source of a command that gives it no map and no model where it needs them.
+
+    Parameters
+    ----------
+    alike : bool
+        Whether without either all things alike are asked for.
 
     Raises
     ------
     ParameterError
         Saying what it needs.
+    UsageError
+        If LightGBM is needed, and not installed.
     """
+    if source == "alike" or (alike and source == "auto" and model is None):
+        require_lightgbm()
     if source == "model" and model is None:
         raise ParameterError("edges.source: model needs a model; set edges.model to a file")
     if source == "evidence" and model is None:
@@ -162,6 +182,7 @@ EDGE_SOURCES: dict[str, str] = {
     "model": "ffseg.evidence.source:model_edges",
     "evidence": "ffseg.evidence.source:map_edges",
     "hints": "ffseg.evidence.clicks:hint_edges",
+    "alike": "ffseg.evidence.alike:alike_edges",
     "box": "ffseg.evidence.box:box_edges",
 }
 """Evidence sources by the name they have in ``edges.source``: ``source(scene) -> EdgeMap`` (`ffseg.Scene`)."""

@@ -147,7 +147,7 @@ def ready_params(
 
     params = checked_params(config, settings, allow_code=allow_code)
     if evidence is None:
-        check_source(params.edges.source, params.edges.model)
+        check_source(params.edges.source, params.edges.model, alike=params.region.islands == "all")
     return params
 
 

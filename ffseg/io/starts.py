@@ -24,6 +24,7 @@ KINDS = {
     "not": ("x", "y", "radius", "value"),
     "box": ("x", "y", "right", "bottom"),
     "model": (),
+    "alike": (),
     "probability": ("value",),
     "clearance": ("value",),
 }
@@ -51,7 +52,9 @@ class Start:
         Each round an object: all outside is background.
     probability, clearance : float or None
         In place of ``region.probability`` and ``contour.clearance``. With a probability of its own, what tells one
-        decides: ``edges.source`` is ``prior`` where it is ``auto`` and there is no box.
+        decides: ``edges.source`` is ``prior`` where it is ``auto``, there is no box, and no things alike are meant.
+    alike : bool
+        All things that look like what is picked are meant: ``region.islands`` is ``all``.
     found : bool
         The start that a model finds comes before the circles, which correct it; else they take its place.
     held : bool
@@ -66,6 +69,7 @@ class Start:
     boxes: tuple[Box, ...] = ()
     probability: float | None = None
     clearance: float | None = None
+    alike: bool = False
     found: bool = False
     held: bool = False
 
@@ -77,7 +81,11 @@ class Start:
     @property
     def fixed(self) -> frozenset[str]:
         """Keys of the parameters that are this image's own, whatever else they are."""
-        values = {"region.probability": self.probability, "contour.clearance": self.clearance}
+        values = {
+            "region.probability": self.probability,
+            "contour.clearance": self.clearance,
+            "region.islands": self.alike or None,
+        }
         return frozenset(key for key, value in values.items() if value is not None)
 
     def placed(self, params: Parameters, shape: tuple[int, ...]) -> Parameters:
@@ -99,9 +107,11 @@ class Start:
         contour, region, edges = params.contour, params.region, params.edges
         if self.clearance is not None:
             contour = replace(contour, clearance=self.clearance)
+        if self.alike:
+            region = replace(region, islands="all")
         if self.probability is not None:
             region = replace(region, probability=self.probability)
-            if edges.source == "auto" and edges.model is None and not init.boxes:
+            if edges.source == "auto" and edges.model is None and not (init.boxes or self.alike):
                 edges = replace(edges, source="prior")
         return replace(params, init=init, contour=contour, region=region, edges=edges)
 
@@ -114,7 +124,7 @@ class Start:
         """All that it says: equal texts, equal starts."""
         circles = ";".join(f"{one.x!r},{one.y!r},{one.radius!r}" for one in self.circles)
         more = (self.background, self.boxes, self.probability, self.clearance)
-        circles += ";model" * self.found + ";held" * self.held
+        circles += ";model" * self.found + ";held" * self.held + ";alike" * self.alike
         return circles if more == ((), (), None, None) else f"{circles};{more!r}"
 
     def rows(self, image: str) -> list[list[str | float | None]]:
@@ -128,7 +138,8 @@ class Start:
         rows += [[name, "box", left, top, none, right, bottom, none] for left, top, right, bottom in self.boxes]
         values = (("probability", self.probability), ("clearance", self.clearance))
         rows += [[name, kind, none, none, none, none, none, value] for kind, value in values if value is not None]
-        return [*rows, [name, "model", *[none] * 6]] if self.found else rows
+        flags = (("alike", self.alike), ("model", self.found))
+        return rows + [[name, kind, *[none] * 6] for kind, said in flags if said]
 
 
 def starts_table(starts: Mapping[str, Start]) -> bytes:
@@ -293,8 +304,8 @@ def _start(rows: _Rows) -> Start:
             circles.append(Start(*numbers))
         elif kind in LIMITS:
             more[kind] = value
-        elif kind == "model":
-            more["found"] = True
+        elif kind in ("alike", "model"):
+            more["found" if kind == "model" else kind] = True
         else:
             row = tuple(number for number in numbers if number is not None)
             more.setdefault("background" if kind == "not" else "boxes", []).append(row)

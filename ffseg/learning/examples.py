@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ffseg.arrays import Floats, Image, Indices, Mask
 from ffseg.errors import UsageError
 from ffseg.evidence.features import ALL_FEATURES, features, reduced_mean
+from ffseg.evidence.growing import MIN_IN_LEAF
 from ffseg.evidence.prior import prior
 from ffseg.image.appearance import WORKING_SIZE, Appearance
 from ffseg.image.parts import connected_parts
@@ -35,9 +36,6 @@ MIN_KNOWN = 0.5
 """Part of the pixels; masks that know less are scribbles: they say little of where the region ends, and each of their pixels
 counts. Where the rest of a mask is known, reduced pixels at the edge of what is not do harm: with them unseen road frames,
 learned from three masks, had a mean IoU of .801, without .810."""
-
-MIN_IN_LEAF = 20
-"""Pixels in a leaf of a forest, at least: so many of each side are taken where there are as many."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -30,6 +30,7 @@ from ffseg.evidence import base, box, hints, prior
 from ffseg.evidence.clicks import HALF, Click, ClickedImage, first_state, next_state
 from ffseg.evidence.features import ALL_FEATURES, PLACE_FEATURES, features
 from ffseg.evidence.forest import Model, load_model, to_bytes
+from ffseg.evidence.growing import SETTINGS, boosted
 from ffseg.evidence.maps import certain_odds
 from ffseg.evidence.source import model_odds
 from ffseg.evidence.surroundings import STRIDE
@@ -40,7 +41,7 @@ from ffseg.io.images import prepare_worker
 from ffseg.learning.drawn.clicks import Clicks
 from ffseg.learning.drawn.sights import KINDS, Sight, sights
 from ffseg.learning.examples import known_pixels, samples_by_default
-from ffseg.learning.training import SETTINGS, SampleSet, converted
+from ffseg.learning.training import SampleSet
 from ffseg.learning.training import grown as learned
 from ffseg.metrics import IGNORED, INSIDE
 
@@ -328,9 +329,9 @@ def grow(looks: Sequence[Samples], names: tuple[str, ...], about: dict[str, obje
         np.concatenate([one.rows for one in looks]),
         np.concatenate([one.inside for one in looks]).astype(np.float32),
         weight=weights / weights.mean(),
+        params=FOREST_SETTINGS,
     )
-    booster = lightgbm.train(FOREST_SETTINGS, data, TREES)
-    return Model(converted(booster.dump_model()["tree_info"], names), None, WORKING_SIZE, about)
+    return Model(boosted(data, TREES, names), None, WORKING_SIZE, about)
 
 
 if __name__ == "__main__":

@@ -15,41 +15,17 @@ from ffseg.batch.workers.launch import cores
 from ffseg.evidence.base import base, enough_of, joined, mean_overlap, odds_of
 from ffseg.evidence.features import ALL_FEATURES, PLACE_FEATURES
 from ffseg.evidence.forest import Forest, Model
+from ffseg.evidence.growing import SETTINGS, boosted, leaf_size
 from ffseg.image.appearance import TEXTURE
-from ffseg.learning.examples import MIN_IN_LEAF, Samples
-from ffseg.plugins import require
+from ffseg.learning.examples import Samples
+from ffseg.plugins import require_lightgbm
 
 T = TypeVar("T")
-
-LIGHTGBM = "lightgbm", "learning needs LightGBM", "learn"
-"""What grows forests, as `require` takes it."""
-
-SETTINGS = {
-    "objective": "binary",
-    "num_leaves": 15,
-    "feature_fraction": 0.4,
-    "bagging_fraction": 0.6,
-    "bagging_freq": 1,
-    "lambda_l2": 5.0,
-    "max_bin": 63,
-    "use_missing": False,
-    "deterministic": True,
-    "force_col_wise": True,
-    "num_threads": 1,
-    "verbose": -1,
-    "seed": 0,
-}
-"""Of LightGBM. One thread for each forest, and forests side by side (`at_once`): its own threads wait for one another in all that
-is done, and two of them take longer than one where anything else has the processor."""
 
 MAX_AT_ONCE = 4
 """Forests that are grown side by side: each of many images needs memory."""
 
-TREES, LEARNING_RATE = 100, 0.1
-
-LEAVES_OF_AN_IMAGE = 24
-"""A leaf holds as many pixels as this part of an image: smaller ones learn what only one image has. On unseen road frames
-a twelfth as many gave an IoU lower by .02 from three and from five masks."""
+TREES = 100
 
 CORRECTION_FRACTION = 0.4
 """Part of the trees where they correct the base: with all of them, few masks unlearn what it knows, and unseen floors come out
@@ -157,11 +133,10 @@ class SampleSet:
         if names not in bins:
             # all columns need no copy
             columns = slice(None) if names == ALL_FEATURES else [ALL_FEATURES.index(name) for name in names]
-            least = max(MIN_IN_LEAF, ends[-1] // len(images) // LEAVES_OF_AN_IMAGE)
             bins[names] = lightgbm.Dataset(
                 [one.rows[:, columns] for one in images],
                 np.concatenate(self._whole.inside).astype(np.float32),
-                params={**SETTINGS, "learning_rate": LEARNING_RATE, "min_data_in_leaf": least},
+                params={**SETTINGS, "min_data_in_leaf": leaf_size(ends[-1] // len(images))},
             ).construct()
         data = bins[names].subset(())  # which would make a list of the numbers, forty bytes each
         data.used_indices = np.concatenate([np.arange(ends[i], ends[i + 1], dtype=np.int32) for i in self.numbers])
@@ -189,13 +164,11 @@ def grow(
     UsageError
         If LightGBM is not installed.
     """
-    require(*LIGHTGBM)
-    import lightgbm
-
+    require_lightgbm()
     data = chosen.binned(names)
     if begin is not None:
         data.set_init_score(np.concatenate(begin).astype(np.float64))
-    return converted(lightgbm.train(data.params, data, trees).dump_model()["tree_info"], names)
+    return boosted(data, trees, names)
 
 
 @dataclass(frozen=True, slots=True)
@@ -331,29 +304,3 @@ def _left_out_overlap(chosen: SampleSet, *, corrected: bool, prior: float = 0.0)
             odds.append(told if one.prior is None else told + np.float32(prior) * one.prior)
             inside.append(one.inside)
     return mean_overlap(odds, inside)
-
-
-def converted(trees: Sequence[dict[str, Any]], names: tuple[str, ...]) -> Forest:
-    """LightGBM's trees as arrays; a threshold becomes the largest single below it, which parts singles alike."""
-    lists: dict[str, list[Any]] = {name: [] for name in ("feature", "threshold", "left", "right", "root", "value")}
-    for tree in trees:
-        lists["root"].append(_added(tree["tree_structure"], lists))
-    kinds = {"threshold": np.float32, "value": np.float32}
-    return Forest({name: np.array(values, kinds.get(name, np.int32)) for name, values in lists.items()}, names)
-
-
-def _added(node: dict[str, Any], lists: dict[str, list[Any]]) -> int:
-    if "leaf_value" in node and "split_feature" not in node:
-        lists["value"].append(node["leaf_value"])
-        return -len(lists["value"])
-    place = len(lists["feature"])
-    threshold = np.float32(node["threshold"])
-    if float(threshold) > node["threshold"]:
-        threshold = np.nextafter(threshold, np.float32(-np.inf))
-    lists["feature"].append(node["split_feature"])
-    lists["threshold"].append(threshold)
-    lists["left"].append(0)
-    lists["right"].append(0)
-    lists["left"][place] = _added(node["left_child"], lists)
-    lists["right"][place] = _added(node["right_child"], lists)
-    return place

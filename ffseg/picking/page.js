@@ -4,7 +4,7 @@ import { View } from "./view.js";
 const $ = (id) => document.getElementById(id);
 const stage = $("stage"), view = new View(stage);
 const NEAR = 10, MOVED = 5; // screen pixels within which a mark is meant, and from which on a press is a drag
-const OPEN = { starts: [], nots: [], boxes: [], strokes: [], probability: null, clearance: null, status: "open" };
+const OPEN = { starts: [], nots: [], boxes: [], strokes: [], probability: null, clearance: null, alike: false, status: "open" };
 const LEVEL = 0.002, WIDTH = 0.5; // probability and clearance (px) for one screen pixel of a drag
 const SMALL = 600; // pixels of the longer side up to which an image is found whole as quickly as reduced
 const MOST_LISTED = 300, NEWS_MS = 1500, TWICE_MS = 300; // presses of a key that follow sooner are one
@@ -88,6 +88,7 @@ const adopt = (found) => {
   else statuses[index] = picked.status;
   $("undo").disabled = !found.undo;
   $("redo").disabled = !found.redo;
+  $("alike").setAttribute("aria-pressed", String(current().alike));
   $("status").textContent = picked.status === "open" ? "" : picked.status;
 };
 // Steps are kept one after the other; what each changes is said of what the one before has left.
@@ -348,6 +349,7 @@ const keys = {
   n: pass, ArrowRight: pass, p: previous, ArrowLeft: previous,
   z: () => step(null, "undo"), y: () => step(null, "redo"),
   x: () => pick(() => OPEN),
+  k: () => pick((now) => ({ alike: !now.alike })),
   b: () => use("brush"), e: () => use("eraser"), "[": () => size(1 / 1.25), "]": () => size(1.25),
   h: () => { hovering = !hovering; $("hover").setAttribute("aria-pressed", String(hovering)); forget(); },
   "+": () => view.zoom(1.5), "=": () => view.zoom(1.5), "-": () => view.zoom(1 / 1.5), 0: () => view.fit(),

@@ -61,6 +61,8 @@ class ImagePicks:
         Painted over what is found, in their order.
     probability, clearance : float or None
         In place of the parameters'.
+    alike : bool
+        All things that look like what is picked are meant.
     status : str
         One of ``STATUSES``.
     base : str
@@ -73,6 +75,7 @@ class ImagePicks:
     strokes: tuple[Stroke, ...] = ()
     probability: float | None = None
     clearance: float | None = None
+    alike: bool = False
     status: str = "open"
     base: str = ""
 
@@ -97,6 +100,7 @@ class ImagePicks:
             boxes=tuple(dict.fromkeys(self.boxes)),
             probability=self.probability,
             clearance=self.clearance,
+            alike=self.alike and self.grows,
         )
         return None if start == Start() else start
 
@@ -123,6 +127,7 @@ class ImagePicks:
                 tuple(map(_stroke, strokes)),
                 _value(values.get("probability"), "probability"),
                 _value(values.get("clearance"), "clearance"),
+                bool(values.get("alike")),
                 values.get("status", "open"),
                 values.get("base") or "",
             )

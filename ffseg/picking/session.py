@@ -90,7 +90,7 @@ class Session:
         self._masks = named_masks(params)
         self._domains = find_domains(self.sources, params.domain.masks) if params.domain.masks else {}
         check_starts(params, os.path.join(out, STARTS))
-        check_source(params.edges.source, params.edges.model)
+        check_source(params.edges.source, params.edges.model, alike=params.region.islands == "all")
         self._levels, self.labels = params.input.range, tuple(labels) or ("",)
         self.folders = [os.path.join(out, label) if label else out for label in self.labels]
         self._require_apart()

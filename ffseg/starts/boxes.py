@@ -10,11 +10,17 @@ from ffseg.arrays import Plane
 from ffseg.image.parts import connected_parts
 from ffseg.image.raster import window_of
 from ffseg.scene import Scene
-from ffseg.starts.initial import circle_start
+from ffseg.starts.initial import box_domain, circle_start
 from ffseg.starts.pockets import discs
 
 MIN_PART_FRACTION = 0.1
 """Components of the region in a box that are smaller than this fraction of the largest get no start."""
+
+
+def within_boxes(scene: Scene) -> Scene:
+    """The scene with what its boxes hold for a domain."""
+    held = box_domain(scene.boxes, scene.shape)
+    return replace(scene, domain=held if scene.domain is None else np.where(held > 0, scene.domain, np.uint8(0)))
 
 
 def in_boxes(scene: Scene, odds: Plane | None) -> Scene:

@@ -54,8 +54,8 @@ def start_contours(
     if start_mask is not None:
         return _from_mask(start_mask, shape, params, domain)
     if not circles and not boxes:
-        corrected = params.init.background and center is None
-        radius = params.init.click_radius_in(shape) if corrected else params.init.radius_in(shape)
+        one_of_many = center is None and (params.init.background or params.region.islands == "all")
+        radius = params.init.click_radius_in(shape) if one_of_many else params.init.radius_in(shape)
         circles = ((*_center(shape, params, center), radius),)
     for x, y, radius in circles:
         _check_inside((x, y), shape, f"the start circle at ({x:g}, {y:g}), radius {radius:g}")

@@ -1,8 +1,10 @@
 """Models of many things: ``python -m tests.campaigns.all_things [--images 8] [--masks 1,3]``.
 
-Draws pictures of stained nuclei and of leaves among stones, learns from the first masks, which show all things of the kind, and
-prints the mean IoU on the others: of all parts that the model tells, of the start's alone, and after one and three clicks, each
-in the middle of the largest error. Without a model, but from a place in each thing, as detectors give them: of all images.
+Draws pictures of stained nuclei, of leaves among stones, and of ellipses of any look among others, learns from the first masks,
+which show all things of the kind, and prints the mean IoU on the others: of all parts that the model tells, of the start's alone,
+and after one, three and six clicks, each in the middle of the largest error. Without a model, of all images: after as many
+clicks, each on a thing of its own or one of all that look alike (``region.islands: all``), and from a place in each thing, as
+detectors give them.
 """
 
 from collections.abc import Callable
@@ -29,7 +31,7 @@ from ffseg.starts.pockets import MIN_PIXELS, discs
 from tests.campaigns import harness
 
 Drawn = tuple[NDArray[np.uint8], NDArray[np.uint8]]
-CLICKS = (1, 3)
+CLICKS = (1, 3, 6)
 
 
 def _ellipse(rng: np.random.Generator, shape: tuple[int, int], longer: float, shorter: float) -> NDArray[np.bool_]:
@@ -77,15 +79,62 @@ def leaves(seed: int) -> Drawn:
     return np.clip(noisy, 0, 255).astype(np.uint8), truth
 
 
-KINDS: dict[str, Callable[[int], Drawn]] = {"nuclei": nuclei, "leaves": leaves}
+def _unlike(rng: np.random.Generator, shape: tuple[int, ...], *others: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A colour, or grey level, that differs from others by more than 35 in a channel."""
+    while True:
+        colour = rng.uniform(30, 225, shape)
+        if all(np.abs(colour - other).max() > 35 for other in others):
+            return colour
+
+
+def ellipses(seed: int) -> Drawn:
+    """Ellipses of one look, in most pictures among those of another, on textured ground in uneven light."""
+    rng = np.random.default_rng(2000 + seed)
+    shape, channels = (int(rng.integers(360, 700)), int(rng.integers(480, 900))), 1 if rng.random() < 0.4 else 3
+
+    def textured(colour: NDArray[np.float64], amplitude: float, sigma: float) -> NDArray[np.float64]:
+        return np.asarray(colour + 4 * amplitude * _texture(rng, shape, sigma)[..., None])
+
+    ground = _unlike(rng, (channels,))
+    thing = _unlike(rng, (channels,), ground)
+    other = _unlike(rng, (channels,), ground, thing)
+    image = textured(ground, rng.uniform(0, 25), rng.uniform(1.5, 8))
+    size, shorter = rng.uniform(7, 45), rng.uniform(0.3, 1)
+    count = int(np.clip(rng.uniform(0.08, 0.3) * shape[0] * shape[1] / (np.pi * size**2), 5, 120))
+    looks = [(colour, rng.uniform(0, 25), rng.uniform(1.5, 4)) for colour in (other, thing)]
+    kinds = [0] * (count // 2 * (rng.random() < 0.6)) + [1] * count
+    truth, taken = np.zeros(shape, np.uint8), np.zeros(shape, np.bool_)
+    for kind in kinds:
+        longer = size * rng.uniform(0.6, 1.4)
+        one = _ellipse(rng, shape, longer, longer * rng.uniform(shorter, 1))
+        if np.count_nonzero(one & taken) <= 0.15 * np.count_nonzero(one):
+            colour, amplitude, sigma = looks[kind]
+            image[one] = textured(colour * rng.uniform(0.85, 1.15), amplitude, sigma)[one]
+            truth[one] = 255 * kind
+            taken |= one
+    light = cv2.resize(rng.uniform(0.75, 1.25, (3, 4)), shape[::-1], interpolation=cv2.INTER_CUBIC)
+    seen = cv2.GaussianBlur(image * light[..., None], (0, 0), rng.uniform(0.5, 1.6)).reshape(image.shape)
+    noisy = seen + rng.normal(0, rng.uniform(1, 9), image.shape)
+    return np.clip(noisy, 0, 255).astype(np.uint8).squeeze(), truth
+
+
+LEARNED = "nuclei", "leaves"
+"""Kinds of which all pictures show the same things."""
+
+KINDS: dict[str, Callable[[int], Drawn]] = {"nuclei": nuclei, "leaves": leaves, "ellipses": ellipses}
 
 
 def _overlaps(drawn: Drawn, params: Parameters) -> list[float]:
     """The IoU of all parts, of the start's, and after clicks."""
     image, truth = drawn
     alone = replace(params, region=replace(params.region, islands=False))
-    mask, clicks = ffseg.segment(image, params).mask, Clicks()
-    found = [iou(mask, truth), iou(ffseg.segment(image, alone).mask, truth)]
+    mask = ffseg.segment(image, params).mask
+    return [iou(mask, truth), iou(ffseg.segment(image, alone).mask, truth), *_after_clicks(drawn, params, mask)]
+
+
+def _after_clicks(drawn: Drawn, params: Parameters, mask: NDArray[np.bool_]) -> list[float]:
+    """The IoU after clicks, of which each lies in the middle of the largest error; the first of those of a mask."""
+    (image, truth), clicks, found = drawn, Clicks(), list[float]()
     for number in range(1, max(CLICKS) + 1):
         clicks = clicks.next(mask, truth, click_radius(truth.shape))
         init = replace(params.init, circles=clicks.inside, background=clicks.outside)
@@ -103,25 +152,28 @@ def _from_places(drawn: Drawn) -> float:
     return iou(ffseg.segment(image, {"init.circles": places}).mask, truth)
 
 
+def _means(rows: list[list[float]]) -> str:
+    return " | ".join(f"{mean(column):.3f}" for column in zip(*rows, strict=True)) + " |"
+
+
 def main(
     images: Annotated[int, typer.Option(min=2)] = 8, masks: Annotated[str, typer.Option(metavar="LIST")] = "1,3"
 ) -> None:
     """Print the table."""
-    print("| kind | masks | all parts | the start's | after 1 click | after 3 |", "| --- " * 6 + "|", sep="\n")
+    print("| kind | masks | all parts | the start's | after 1 click | 3 | 6 |", "| --- " * 7 + "|", sep="\n")
     with TemporaryDirectory() as folder:
         for kind, draw in KINDS.items():
             drawn = [draw(seed) for seed in range(images)]
-            print(f"| {kind} | a place in each | {mean(map(_from_places, drawn)):.3f} | | | |")
-            for count in map(int, masks.split(",")):
+            for name, islands in (("none", True), ("none, all alike", "all")):
+                params = ffseg.load_params(None, {"region.islands": islands})
+                rows = [_after_clicks(one, params, np.zeros(one[1].shape, np.bool_)) for one in drawn]
+                print(f"| {kind} | {name} | | |", _means(rows))
+            print(f"| {kind} | none, a place in each | {mean(map(_from_places, drawn)):.3f} | | | | |")
+            for count in map(int, masks.split(",") if kind in LEARNED else ()):
                 path = Path(folder) / f"{kind}{count}.ffmodel"
                 path.write_bytes(to_bytes(learn(SampleSet([samples_by_default(*one) for one in drawn[:count]]))))
                 params = ffseg.load_params(None, {"edges.model": str(path)})
-                rows = [_overlaps(one, params) for one in drawn[count:]]
-                print(
-                    f"| {kind} | {count} |",
-                    " | ".join(f"{mean(column):.3f}" for column in zip(*rows, strict=True)),
-                    "|",
-                )
+                print(f"| {kind} | {count} |", _means([_overlaps(one, params) for one in drawn[count:]]))
 
 
 if __name__ == "__main__":

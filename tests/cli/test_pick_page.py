@@ -126,6 +126,24 @@ def test_clicks_keys_and_what_they_leave_on_the_disk(hand: PageHand, server: Ser
     hand.tab.until("document.getElementById('help').open && document.getElementById('help').scrollTop === 0")
 
 
+def test_all_that_look_alike_by_a_key(hand: PageHand, server: Server, tmp_path: Path) -> None:
+    """Two discs of one look: a click and a key for both, as the table says to a run."""
+    hand.go("n", "a.png")
+    hand.pick(LEFT)
+    hand.until_area(45, 55)
+    hand.tab.press("k")
+    hand.until_area(110, 130)
+    hand.tab.until("document.getElementById('alike').getAttribute('aria-pressed') === 'true'")
+    assert state(server, 1)["alike"]
+    assert load_starts(tmp_path / "out" / "starts.csv", ["a.png"])["a.png"].alike
+    hand.tab.press("k")
+    hand.until_area(45, 55)
+    hand.tab.press("z")
+    hand.until_area(110, 130)
+    hand.go("a", "b.png")
+    assert overlap(mask_of(tmp_path / "out" / "masks" / "a.png"), disc(LEFT) | disc(RIGHT)) > 0.95
+
+
 def test_drags_are_boxes_levels_and_strokes(hand: PageHand, server: Server) -> None:
     hand.go("n", "a.png")
     hand.drag((15, 30), (40, 60), (75, 90))

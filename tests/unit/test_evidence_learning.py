@@ -9,6 +9,7 @@ from ffseg.errors import UsageError
 from ffseg.evidence.base import base, odds_of
 from ffseg.evidence.features import ALL_FEATURES, features
 from ffseg.evidence.forest import Model
+from ffseg.evidence.growing import converted
 from ffseg.evidence.source import model_odds
 from ffseg.image.appearance import Appearance
 from ffseg.learning import training
@@ -30,7 +31,6 @@ from ffseg.learning.training import (
     STARTLESS_FEATURES,
     TREES,
     SampleSet,
-    converted,
     grow,
     learn,
 )

@@ -8,34 +8,12 @@ from commands import Command
 
 import ffseg
 from ffseg.evidence.forest import to_bytes
-from ffseg.image.free import distances
 from ffseg.image.parts import connected_parts
 from ffseg.learning.examples import Example, samples, share_apart
 from ffseg.learning.training import SampleSet, learn
 from ffseg.metrics import iou
-from tests.discs import disc_of
+from tests.many_things import SHAPE, cells, deepest, disc
 from tests.masks import read_mask, write_image
-
-SHAPE, RADIUS = (160, 240), 10
-disc = disc_of(SHAPE)
-
-
-def cells(seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Greenish cells among bluish ones in noise, and a mask of the greenish: 255 inside, 0 outside."""
-    rng = np.random.default_rng(seed)
-    image, truth = rng.normal(60, 8, (*SHAPE, 3)), np.zeros(SHAPE, np.uint8)
-    places = [(x, y) for x in range(25, 240, 38) for y in range(25, 160, 36)]
-    for number, place in enumerate(rng.permutation(places)):
-        cell = disc(*(place + rng.uniform(-4, 4, 2)), RADIUS)
-        image[cell] += (0, 70, 20) if number % 3 else (70, 10, 0)
-        truth[cell] = 255 if number % 3 else 0
-    return np.clip(image, 0, 255).astype(np.uint8), truth
-
-
-def deepest(truth: np.ndarray) -> list[int]:
-    """The pixel deepest in a mask, x and y."""
-    row, column = np.unravel_index(int(distances(truth > 0).argmax()), truth.shape)
-    return [int(column), int(row)]
 
 
 def learned(folder: Path, *seeds: int) -> str:

@@ -218,11 +218,11 @@ def test_images_that_cannot_be_tried_need_no_start(tmp_path: Path) -> None:
 def test_other_kinds_of_rows_are_what_was_picked_and_are_written_as_they_are_read(tmp_path: Path) -> None:
     head = "image,kind,x,y,radius,right,bottom,value"
     a = "a,start,1,2,7,,,\na,start,3,4,,,,\na,not,5,6,,,,\na,not,7,8,2,,,1\na,box,1,2,,30,40,\n"
-    path = write(tmp_path, f"{head}\n{a}b,probability,,,,,,.3\nb,clearance,,,,,,5\nb,model,,,,,,\n")
+    path = write(tmp_path, f"{head}\n{a}b,probability,,,,,,.3\nb,clearance,,,,,,5\nb,model,,,,,,\nb,alike,,,,,,\n")
     found = load_starts(path, ["a", "b"])
     background = ((5.0, 6.0), (7.0, 8.0, 2.0, 1.0))
     assert found["a"] == Start(1, 2, 7, (Start(3, 4),), background, ((1.0, 2.0, 30.0, 40.0),))
-    assert found["b"] == Start(probability=0.3, clearance=5, found=True)
+    assert found["b"] == Start(probability=0.3, clearance=5, alike=True, found=True)
     assert load_starts(write(tmp_path, starts_table(found)), ["a", "b"]) == found
     params = load_params(None, {"init.background": [[9, 9]]})
     placed = found["a"].placed(params, (60, 80))
@@ -230,10 +230,17 @@ def test_other_kinds_of_rows_are_what_was_picked_and_are_written_as_they_are_rea
     assert placed.init.background == ((9, 9), *background)
     placed = found["b"].placed(params, (60, 80))
     assert (placed.region.probability, placed.contour.clearance, placed.init) == (0.3, 5, params.init)
-    assert placed.edges.source == "prior", "the image's own edges know no level"
+    assert (placed.region.islands, placed.edges.source) == ("all", "auto")
+    placed = replace(found["b"], alike=False).placed(params, (60, 80))
+    assert (placed.region.islands, placed.edges.source) == (True, "prior"), "the image's own edges know no level"
     assert found["a"].placed(params, (60, 80)).edges == params.edges
-    others = (replace(found["a"], boxes=()), replace(found["a"], background=()), replace(found["a"], found=True))
-    assert len({start.text() for start in (found["a"], *others)}) == 4
+    others = (
+        replace(found["a"], boxes=()),
+        replace(found["a"], background=()),
+        replace(found["a"], found=True),
+        replace(found["a"], alike=True),
+    )
+    assert len({start.text() for start in (found["a"], *others)}) == 5
 
 
 @pytest.mark.parametrize(

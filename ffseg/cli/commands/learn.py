@@ -56,10 +56,9 @@ def learn(  # noqa: PLR0913 - the options of the command
     from ffseg.io.files import write_bytes_atomic
     from ffseg.learning.gather import MAX_SIDE, gather
     from ffseg.learning.learn import learn_and_measure
-    from ffseg.learning.training import LIGHTGBM
-    from ffseg.plugins import require
+    from ffseg.plugins import require_lightgbm
 
-    require(*LIGHTGBM)
+    require_lightgbm()
     file = options.starts_file(starts, params)
     found = gather(inputs, os.fspath(truth), params, file, truth_label, longest=MAX_SIDE)
     warn_of_passed_over(found.passed_over)
