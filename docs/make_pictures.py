@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 import ffseg
 from ffseg.camera.motion import planar_pose
 from ffseg.freespace.sequence import Sequence
+from ffseg.image.free import distances
 from ffseg.io.animation import animation_bytes
 from ffseg.io.overlays import Kind, Polyline, draw_overlay
 from ffseg.io.snapshots import scaled_contour, scaled_down
@@ -271,6 +272,18 @@ def photograph(tab: Any, name: str) -> None:  # noqa: ANN401 - the tests' browse
         webp(name, cv2.imread(str(path)))
 
 
+def alike() -> None:
+    """Of a picture of many things what a click finds, and all that look like it."""
+    sys.path.insert(0, str(FOLDER.parents[1]))
+    from tests.campaigns.all_things import ellipses
+
+    image, truth = ellipses(3)
+    row, column = np.unravel_index(int(distances(truth > 0).argmax()), truth.shape)
+    one = {"init.circles": [[int(column), int(row)]]}
+    cases = {"a click": one, "all that look alike": {**one, "region.islands": "all"}}
+    side_by_side("alike", [captioned(drawn(image, ffseg.segment(image, more)), name) for name, more in cases.items()])
+
+
 def gallery() -> None:
     """Run what the gallery shows, as it stands there; each picture is the file that the comment above it names."""
     sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
@@ -294,6 +307,7 @@ PICTURES: dict[str, Callable[[], None]] = {
     "toy-paper": toy_paper,
     "report": report,
     "gallery": gallery,
+    "alike": alike,
     "canny": lambda: with_settings(
         "canny",
         "complex",
