@@ -52,9 +52,10 @@ class Start:
         Each round an object: all outside is background.
     probability, clearance : float or None
         In place of ``region.probability`` and ``contour.clearance``. With a probability of its own, what tells one
-        decides: ``edges.source`` is ``prior`` where it is ``auto``, there is no box, and no things alike are meant.
+        decides: ``edges.source`` is ``prior`` where it is ``auto`` and there is no box.
     alike : bool
-        All things that look like what is picked are meant: ``region.islands`` is ``all``.
+        All things that look like what is picked are meant, whatever a model tells: ``region.islands`` is ``all`` and
+        ``edges.source`` is ``alike``.
     found : bool
         The start that a model finds comes before the circles, which correct it; else they take its place.
     held : bool
@@ -90,7 +91,7 @@ class Start:
 
     def placed(self, params: Parameters, shape: tuple[int, ...]) -> Parameters:
         """The parameters with what was picked in this image of shape (H, W, ...)."""
-        init, found = params.init, self.found and params.edges.model is not None
+        init, found = params.init, self.found and params.edges.model is not None and not self.alike
         click = init.click_radius_in(shape)
         circles = [
             (one.x, one.y, click if one.radius is None else one.radius)
@@ -108,10 +109,10 @@ class Start:
         if self.clearance is not None:
             contour = replace(contour, clearance=self.clearance)
         if self.alike:
-            region = replace(region, islands="all")
+            region, edges = replace(region, islands="all"), replace(edges, source="alike", model=None)
         if self.probability is not None:
             region = replace(region, probability=self.probability)
-            if edges.source == "auto" and edges.model is None and not (init.boxes or self.alike):
+            if edges.source == "auto" and edges.model is None and not init.boxes:
                 edges = replace(edges, source="prior")
         return replace(params, init=init, contour=contour, region=region, edges=edges)
 

@@ -18,7 +18,8 @@ from ffseg.io.tables import counted
 from ffseg.picking.project import LEARNED, MAX_BYTES, MODEL, RUN, Project
 
 MIN_MASKS = 2
-"""A model is learned from so many: the figures of one say nothing."""
+"""A model is learned from so many, which can be measured, or from a single one that shows many things: by it drawn nuclei and
+leaves have an IoU of .92 and .96. By one mask of one thing roads have .63, without a model .70."""
 
 
 class Background:
@@ -103,7 +104,9 @@ def learn_summary(document: str) -> Learned:
     found = json.loads(document)
     iou, without, order = found["iou"], found["without"], found.get("order") or []
     if iou is None or without is None:
-        return Learned(f"learned from {found['masks']} masks, now measured on each left out", order)
+        many = found["masks"] >= MIN_MASKS
+        measured = "now measured on each left out" if many else "how well it does shows with the next"
+        return Learned(f"learned from {counted(found['masks'], 'mask')}, {measured}", order)
     startless = found.get("met") is not None and not found["searched"]
     where = "from a click in each" if startless else "on the rest"
     line = f"{found['masks']} masks: {_short(iou)} expected {where}"
@@ -168,7 +171,7 @@ class Work:
     def learn(self, *, again: bool = False) -> None:
         """Learn from the masks there are; a newer mask ends what is at work, but of two in a row the second is spared."""
         count = self.project.count("accepted")
-        if count < MIN_MASKS:
+        if count < MIN_MASKS and not self.project.shows_many():
             self.line = f"{MIN_MASKS - count} more accepted and a model is learned from them"
             self._learning.stop()
             if self.project.model:
@@ -179,7 +182,7 @@ class Work:
         if not again and self._known():
             return
         self._spared = self._learning.running and not self._measuring
-        self.line = f"learning from {count} masks"
+        self.line = f"learning from {counted(count, 'mask')}"
         self._of = self.project.learned_from()
         self._start(measuring=False)
 
@@ -198,7 +201,7 @@ class Work:
         if learned.of_use and not self.project.model:
             return False
         if not learned.measured:
-            self._start(measuring=True)
+            self._measure()
         return True
 
     def _drop_unusable(self) -> None:
@@ -220,6 +223,11 @@ class Work:
         arguments = self.project.learning(self.project.path("learning.ffmodel"))
         self._learning.start([*arguments, *([] if measuring else ["--quick"])])
 
+    def _measure(self) -> None:
+        """Learn again, and measure; of a single mask nothing can be left out."""
+        if self.project.count("accepted") >= MIN_MASKS:
+            self._start(measuring=True)
+
     def _learned(self, code: int, out: str, err: str) -> None:
         self._spared = False
         try:
@@ -239,7 +247,7 @@ class Work:
         if self.project.learned_from() != self._of:
             self.learn(again=True)
         elif not self._measuring:
-            self._start(measuring=True)
+            self._measure()
 
     def _use(self, *, learned: bool) -> None:
         """Use what was learned from now on, or no model."""

@@ -12,6 +12,8 @@ from dataclasses import replace
 from hashlib import blake2b
 from pathlib import Path
 
+import numpy as np
+
 from ffseg.arrays import Mask
 from ffseg.batch.outputs.encoding import path_from
 from ffseg.batch.plan.sources import InputImage
@@ -33,6 +35,7 @@ from ffseg.io.files import (
 from ffseg.io.films import is_film
 from ffseg.io.masks import decode_mask, encode_mask
 from ffseg.io.starts import Start, starts_table
+from ffseg.metrics import INSIDE
 from ffseg.parameter_text import as_settings, non_defaults, yaml_lines
 from ffseg.parameters import Parameters
 from ffseg.picking.open_image import PickedRegion
@@ -160,6 +163,15 @@ class Project:
     def count(self, status: str) -> int:
         """Images of a status other than ``open``."""
         return len(self.journal.names(lambda track: track.now.status == status))
+
+    def shows_many(self) -> bool:
+        """Whether the mask of an accepted image shows many things, as `ffseg learn` takes it."""
+        from ffseg.learning.examples import share_apart  # these load forests, which no page waits for
+        from ffseg.learning.training import MIN_APART
+
+        names = self.journal.names(lambda track: track.now.status == "accepted")
+        masks = [mask for name in names if (mask := self.mask(name)) is not None]
+        return any(share_apart(mask * np.uint8(INSIDE)) >= MIN_APART for mask in masks)
 
     def keep_region(self, region: Mask) -> str:
         """Keep what an accepted mask was painted on, whatever another model or run finds then; its digest."""

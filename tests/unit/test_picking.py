@@ -735,6 +735,26 @@ def test_what_was_learned_is_used_where_it_helps_and_orders_the_images(tmp_path:
         assert own.news(0, 0)["lines"][1].startswith("what was learned cannot be kept: ")
 
 
+def test_one_mask_of_many_things_is_learned_from(tmp_path: Path, started: Started) -> None:
+    """Nothing can be left out of one: a second tells how well it does."""
+    with session(draw(tmp_path / "in", ["a.png", "b.png", "c.png"]), tmp_path / "out") as own:
+        own.change(0, 0, 0, "pick", picked(LEFT, status="accepted"))
+        assert (started, own.news(0, 0)["lines"][1]) == ([], "1 more accepted and a model is learned from them")
+        own.change(0, 0, 1, "pick", picked(LEFT, RIGHT, status="accepted"))
+        assert "--quick" in started[0]
+        assert own.news(0, 0)["lines"][1] == "learning from 1 mask"
+        Path(started[0][started[0].index("--out") + 1]).write_bytes(A_MODEL)
+        own._work[0]._learned(0, json.dumps(FIGURES | {"masks": 1, "iou": None, "without": None, "curve": []}), "")
+        assert own.news(0, 0)["lines"][1] == "learned from 1 mask, how well it does shows with the next"
+        assert (own.projects[0].model != "", len(started)) == (True, 1)
+    with session(tmp_path / "in", tmp_path / "out") as own:
+        assert len(started) == 1, "what was learned is taken up"
+        own.change(0, 1, 0, "pick", picked(LEFT, status="accepted"))
+        Path(started[1][started[1].index("--out") + 1]).write_bytes(A_MODEL)
+        own._work[0]._learned(0, json.dumps(FIGURES | {"iou": None, "without": None, "curve": []}), "")
+        assert ["--quick" in words for words in started] == [True, True, False]
+
+
 @pytest.mark.parametrize("helps", [False, True])
 def test_what_finds_no_starts_is_used_where_it_helps(tmp_path: Path, started: Started, helps: bool) -> None:
     with session(draw(tmp_path / "in", ["a.png", "b.png", "c.png"]), tmp_path / "out") as own:

@@ -230,7 +230,9 @@ def test_other_kinds_of_rows_are_what_was_picked_and_are_written_as_they_are_rea
     assert placed.init.background == ((9, 9), *background)
     placed = found["b"].placed(params, (60, 80))
     assert (placed.region.probability, placed.contour.clearance, placed.init) == (0.3, 5, params.init)
-    assert (placed.region.islands, placed.edges.source) == ("all", "auto")
+    assert (placed.region.islands, placed.edges.source) == ("all", "alike")
+    modelled = replace(params, edges=replace(params.edges, model="a.ffmodel"))
+    assert replace(found["b"], x=1, y=2).placed(modelled, (60, 80)).edges.model is None, "what is picked counts"
     placed = replace(found["b"], alike=False).placed(params, (60, 80))
     assert (placed.region.islands, placed.edges.source) == (True, "prior"), "the image's own edges know no level"
     assert found["a"].placed(params, (60, 80)).edges == params.edges
