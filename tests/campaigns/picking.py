@@ -1,10 +1,11 @@
 """How quickly the page of `ffseg pick` follows, in Chromium; run ``python -m tests.campaigns.picking --work DIR``.
 
-A drawn photograph of 800x600 and one of 12 megapixels: the mouse moves without a button, drags a box, drags a level. Printed
-for each, in ms, median and nine tenths: ``all``, from the mouse's move to the frame with the contour; of these ``waited``, until
-the page could ask; ``asked``, until it had the answer; ``server``, what that took the server; ``find``, the segmentation alone;
-the rest is the browser's drawing. Beside them, for each contour, the processor's time of the server and of all of the browser's
-processes, which other work on the machine does not lengthen so much.
+A drawn photograph of 800x600 and one of 12 megapixels: the mouse moves without a button, drags a box, drags a level; and of drawn
+nuclei as many pixels: it moves where all things alike are meant. Printed for each, in ms, median and nine tenths: ``all``, from
+the mouse's move to the frame with the contour; of these ``waited``, until the page could ask; ``asked``, until it had the answer;
+``server``, what that took the server; ``find``, the segmentation alone; the rest is the browser's drawing. Beside them, for each
+contour, the processor's time of the server and of all of the browser's processes, which other work on the machine does not
+lengthen so much.
 """
 
 import os
@@ -18,13 +19,16 @@ from typing import Any
 import chromium
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from pick_page import SETTLED, Hand
 
+from ffseg.image.free import distances
 from ffseg.learning.drawn.sights import sights
 from ffseg.parameters import load_params
 from ffseg.picking.server import Server
 from ffseg.picking.session import Session
 from tests.campaigns import harness
+from tests.campaigns.all_things import nuclei
 from tests.campaigns.harness import Work, children, say
 
 SIZES = ((800, 600), (4000, 3000))
@@ -36,8 +40,8 @@ STAGES = ("all", "waited", "asked", "server", "find")
 TICK_MS = 1e3 / os.sysconf("SC_CLK_TCK")
 
 
-def draw(path: Path, size: tuple[int, int]) -> None:
-    image = cv2.resize(next(sights("street", 1, 5_002)).image, size, interpolation=cv2.INTER_CUBIC)
+def draw(path: Path, image: NDArray[np.uint8], size: tuple[int, int]) -> None:
+    image = np.atleast_3d(cv2.resize(image, size, interpolation=cv2.INTER_CUBIC))
     grain = np.random.default_rng(0).normal(0, NOISE, (*image.shape[:2], 1))
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(cv2.imencode(".jpg", np.clip(image + grain, 0, 255).astype(np.uint8))[1].tobytes())
@@ -95,7 +99,9 @@ def between(one: tuple[float, float], other: tuple[float, float], share: float) 
 def follow(tab: chromium.Chromium, work: Path, size: tuple[int, int]) -> None:
     """How the contour follows in an image of a size."""
     folder = work / f"{size[0]}x{size[1]}"
-    draw(folder / "photos" / "a.jpg", size)
+    draw(folder / "photos" / "a.jpg", next(sights("street", 1, 5_002)).image, size)
+    cells, truth = nuclei(0)
+    draw(folder / "photos" / "b.jpg", cells, size)
     with Session([str(folder / "photos")], str(folder / "picked"), load_params()) as session, Server(session) as server:
         server.begin()
         hand = Hand(tab, server.address)
@@ -114,6 +120,14 @@ def follow(tab: chromium.Chromium, work: Path, size: tuple[int, int]) -> None:
         tab.mouse("mousePressed", *start, "left")
         watched.moves("level", lambda s: tab.mouse("mouseMoved", start[0], start[1] - 10 - 60 * s, "left"))
         tab.mouse("mouseReleased", start[0], start[1] - 70, "left")
+        tab.press("n")
+        tab.until("document.getElementById('name').textContent === 'b.jpg'")
+        row, column = np.unravel_index(int(distances(truth > 0).argmax()), truth.shape)
+        tab.click(*hand.at(column * width / truth.shape[1], row * height / truth.shape[0]))
+        tab.until("document.querySelectorAll('#marks circle').length === 1")
+        tab.press("k")
+        tab.until("document.getElementById('alike').getAttribute('aria-pressed') === 'true'")
+        watched.moves("alike", lambda share: tab.hover(start[0] * share + corner[0] * (1 - share), corner[1]))
         server.shutdown()
 
 
