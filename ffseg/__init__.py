@@ -49,6 +49,9 @@ if TYPE_CHECKING:
     from ffseg.image.own import own_image as own_image
     from ffseg.io.images import Limits as Limits
     from ffseg.io.images import read_image as read_image
+    from ffseg.parameter_files import ParametersLike as ParametersLike
+    from ffseg.parameter_files import load_params as load_params
+    from ffseg.parameter_files import presets as presets
     from ffseg.parameters import Contour as Contour
     from ffseg.parameters import Domain as Domain
     from ffseg.parameters import Edges as Edges
@@ -59,11 +62,8 @@ if TYPE_CHECKING:
     from ffseg.parameters import Obstacles as Obstacles
     from ffseg.parameters import Paper as Paper
     from ffseg.parameters import Parameters as Parameters
-    from ffseg.parameters import ParametersLike as ParametersLike
     from ffseg.parameters import Region as Region
     from ffseg.parameters import Snake as Snake
-    from ffseg.parameters import load_params as load_params
-    from ffseg.parameters import presets as presets
     from ffseg.picking.notebook import Picking as Picking
     from ffseg.picking.notebook import pick as pick
     from ffseg.plugins import Method as Method
@@ -80,10 +80,8 @@ __version__ = "0.2.0"
 _NAMES = {
     "ffseg.api": "segment",
     "ffseg.picking.notebook": "pick Picking",
-    "ffseg.parameters": (
-        "ParametersLike load_params presets Parameters Contour Edges Init Input Domain Obstacles Snake "
-        "LevelSet Paper Region Network"
-    ),
+    "ffseg.parameter_files": "ParametersLike load_params presets",
+    "ffseg.parameters": ("Parameters Contour Edges Init Input Domain Obstacles Snake LevelSet Paper Region Network"),
     "ffseg.result": "Segmentation Timings",
     "ffseg.scene": "Stats Progress Segmenter Outcome Scene",
     "ffseg.plugins": "Method",

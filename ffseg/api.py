@@ -14,7 +14,8 @@ from ffseg.errors import ParameterError, SegmentationError
 from ffseg.image.checked import Pixels, refuse_masked, taken_image
 from ffseg.image.edges import EdgeMap, require_edges
 from ffseg.io.masks import load_mask
-from ffseg.parameters import MAX_COORDINATE, ParametersLike, parameter_set
+from ffseg.parameter_files import ParametersLike, parameter_set
+from ffseg.parameters import MAX_COORDINATE
 from ffseg.result import Segmentation
 from ffseg.scene import NO_EDGES, Progress, Scene, Segmenter
 

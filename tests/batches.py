@@ -19,7 +19,8 @@ from ffseg.batch.record.ledger import Summary
 from ffseg.batch.runner import Run
 from ffseg.batch.shards.assign import read_shard, shard_plan
 from ffseg.batch.workers.messages import Setup
-from ffseg.parameters import Parameters, load_params
+from ffseg.parameter_files import load_params
+from ffseg.parameters import Parameters
 from tests.masks import write_image
 
 

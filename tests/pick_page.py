@@ -11,7 +11,7 @@ import chromium
 import cv2
 import numpy as np
 
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 from ffseg.picking.server import HOST, Server
 from ffseg.picking.session import Session
 

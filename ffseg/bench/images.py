@@ -26,7 +26,8 @@ from ffseg.methods.freeform import native_options
 from ffseg.methods.peers import method_parameters
 from ffseg.metrics import iou
 from ffseg.native import _core
-from ffseg.parameters import Parameters, load_params
+from ffseg.parameter_files import load_params
+from ffseg.parameters import Parameters
 from ffseg.pipeline import segment
 from ffseg.plugins import PEERS
 from ffseg.plugins import method as row_of

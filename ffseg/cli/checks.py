@@ -96,7 +96,8 @@ def checked_params(
     """Load a parameter set of a command, and see that the files and plug-ins it names are there."""
     from ffseg.errors import ParameterError
     from ffseg.io.files import printable
-    from ffseg.parameters import ZERO_BALLOON, load_params
+    from ffseg.parameter_files import load_params
+    from ffseg.parameters import ZERO_BALLOON
 
     params = load_params(config, settings, allow_code=allow_code)
     plugin_files(params)

@@ -11,7 +11,7 @@ KINDS = ("mask", "svg", "geojson", "coco", "labelme", "yolo", "overlay", "cutout
 
 def presets(incomplete: str) -> list[str]:
     """Presets that begin so; none, and so files, where a path is begun."""
-    from ffseg.parameters import presets as known
+    from ffseg.parameter_files import presets as known
 
     return _starting(known(), incomplete)
 

@@ -42,7 +42,8 @@ from ffseg.image.free import without_slivers
 from ffseg.image.keypoints import grey_image
 from ffseg.image.leaks import leaking_pixels
 from ffseg.io.masks import named_masks
-from ffseg.parameters import Parameters, ParametersLike, parameter_set
+from ffseg.parameter_files import ParametersLike, parameter_set
+from ffseg.parameters import Parameters
 from ffseg.pipeline import segment
 from ffseg.plugins import method as row_of
 from ffseg.result import Segmentation, Timings

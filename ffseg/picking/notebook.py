@@ -16,7 +16,7 @@ from ffseg.errors import UsageError
 from ffseg.image.checked import Pixels, taken_image
 from ffseg.io.files import make_folder, printable, read_bytes, write_bytes_atomic
 from ffseg.io.masks import decode_mask, encode_png
-from ffseg.parameters import ParametersLike, parameter_set
+from ffseg.parameter_files import ParametersLike, parameter_set
 from ffseg.picking.project import MAX_BYTES, Project
 from ffseg.picking.server import Server
 from ffseg.picking.session import Session

@@ -28,8 +28,9 @@ from ffseg.io.images import prepare_worker
 from ffseg.io.labels import Labels
 from ffseg.io.masks import encode_mask, named_masks
 from ffseg.io.starts import check_starts
+from ffseg.parameter_files import load_params
 from ffseg.parameter_text import as_settings
-from ffseg.parameters import Parameters, click_radius, load_params
+from ffseg.parameters import Parameters, click_radius
 from ffseg.picking.learner import Work
 from ffseg.picking.open_image import OpenImage, PickedRegion
 from ffseg.picking.picks import ImagePicks

@@ -36,7 +36,8 @@ from ffseg.learning.drawn.sights import KINDS, sights
 from ffseg.learning.gather import LabelledImage, TrainingSet
 from ffseg.learning.learn import learn_and_measure
 from ffseg.metrics import IGNORED, INSIDE, iou
-from ffseg.parameters import Parameters, click_radius, load_params
+from ffseg.parameter_files import load_params
+from ffseg.parameters import Parameters, click_radius
 from ffseg.picking.learner import learn_summary
 from tests.campaigns import harness
 from tests.campaigns.real_images import SETS, load

@@ -20,7 +20,7 @@ from ffseg.camera.motion import planar_pose
 from ffseg.freespace.occupancy import OccupancyMap
 from ffseg.freespace.sequence import Sequence
 from ffseg.image.edges import edge_map
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 from ffseg.rendering.pairs import RenderedSequence, sample_camera
 from tests.campaigns import harness
 from tests.floors import NOISES, TEXTURES, floor_sequence

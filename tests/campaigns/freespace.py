@@ -22,7 +22,8 @@ from ffseg.camera.motion import Pose, planar_pose, relative_motion
 from ffseg.freespace.sequence import Frame, segment_frame
 from ffseg.freespace.window import EarlierImage
 from ffseg.metrics import IGNORED, INSIDE, iou
-from ffseg.parameters import Parameters, load_params
+from ffseg.parameter_files import load_params
+from ffseg.parameters import Parameters
 from ffseg.rendering.pairs import RenderedPair, render_pair
 from ffseg.rendering.raycast import FIRST_BOX, FIRST_WALL, GROUND, SHADOW, STREAK
 from ffseg.scene import Scene

@@ -20,7 +20,7 @@ from ffseg.io.images import prepare_worker
 from ffseg.learning.examples import Example, Samples, samples
 from ffseg.learning.training import SampleSet, learn
 from ffseg.metrics import iou
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 from tests.campaigns import harness
 from tests.campaigns.real_images import Photograph, load
 from tests.real_data import data_folder

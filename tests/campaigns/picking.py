@@ -24,7 +24,7 @@ from pick_page import SETTLED, Hand
 
 from ffseg.image.free import distances
 from ffseg.learning.drawn.sights import sights
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 from ffseg.picking.server import Server
 from ffseg.picking.session import Session
 from tests.campaigns import harness

@@ -21,7 +21,7 @@ import typer
 from numpy.typing import NDArray
 
 from ffseg.io.images import prepare_worker
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 from tests.campaigns import harness, real_invariance
 from tests.campaigns.real_images import SETS, Outcome, evaluate, load
 from tests.real_data import data_folder

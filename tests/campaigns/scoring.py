@@ -20,7 +20,8 @@ from ffseg.io.images import prepare_worker
 from ffseg.learning.drawn.clicks import Clicks
 from ffseg.learning.drawn.sights import KINDS, Sight, sights
 from ffseg.metrics import iou
-from ffseg.parameters import Init, click_radius, load_params
+from ffseg.parameter_files import load_params
+from ffseg.parameters import Init, click_radius
 from ffseg.result import Segmentation
 from tests.campaigns import harness
 from tests.campaigns.real_sets import spearman

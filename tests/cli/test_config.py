@@ -7,7 +7,7 @@ from commands import Command
 
 from ffseg import __version__, parameter_changes
 from ffseg.parameter_changes import since_0_1
-from ffseg.parameters import load_params, presets, written
+from ffseg.parameter_files import load_params, presets, written
 from ffseg.schema.nodes import Problems
 from ffseg.schema.sections import flat
 

@@ -20,7 +20,8 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition,
 from ffseg.batch.outputs.table import OUTPUTS, Output, Products
 from ffseg.errors import UsageError
 from ffseg.io.files import printable
-from ffseg.parameters import Parameters, load_params
+from ffseg.parameter_files import load_params
+from ffseg.parameters import Parameters
 from tests.masks import write_image
 
 NAMES = ("a.png", "b.png", "s/d.png", "s/c.jpg")

@@ -18,7 +18,7 @@ from ffseg.io.starts import Start
 from ffseg.learning.drawn.clicks import Clicks
 from ffseg.learning.drawn.sights import sights
 from ffseg.metrics import INSIDE, iou
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 from ffseg.picking.open_image import OpenImage
 from ffseg.picking.picks import ImagePicks
 from tests.masks import read_mask

@@ -34,7 +34,7 @@ from ffseg.image.keypoints import (
 from ffseg.image.planes import search_ground_motions
 from ffseg.io.masks import encode_mask
 from ffseg.native import _core
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 from ffseg.rendering import pairs
 from ffseg.rendering.raycast import FIRST_BOX, FIRST_WALL
 from tests.campaigns.freespace import true_poses

@@ -15,7 +15,7 @@ from ffseg.camera.projections import Affine, UnifiedSphere
 from ffseg.freespace.sequence import Frame, free_space
 from ffseg.freespace.window import EarlierImage
 from ffseg.image.keypoints import Candidates, align_patches, patch_scores, plane_candidates
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 from tests.triangulation import triangulate
 
 MOUNT, FLOOR_DEPTH = 1.88, 1.85

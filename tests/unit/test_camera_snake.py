@@ -9,7 +9,7 @@ from rendered import render_pair, segment_view
 from ffseg.camera.motion import planar_pose
 from ffseg.freespace.altitudes import BEHIND_COSINE, CLEAR_RADIUS, ZONE_COSINE, ZONE_REACH, _passable
 from ffseg.freespace.sequence import Frame, Sequence
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 from ffseg.rendering.pairs import RenderedPair
 from ffseg.rendering.raycast import FIRST_BOX, FIRST_WALL
 

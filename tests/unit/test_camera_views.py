@@ -11,7 +11,7 @@ from ffseg.batch.views import CameraSetup, load_views, neighbours
 from ffseg.batch.workers.frames import EarlierImages, evidence_lines, merged_segmentation, obstacle_rows, overlay_lines
 from ffseg.io.images import Limits
 from ffseg.io.masks import encode_png
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 from ffseg.scene import Scene
 
 

@@ -20,7 +20,7 @@ from ffseg.errors import OutputError, ParameterError, SegmentationError, UsageEr
 from ffseg.geometry.freeform import FreeForm
 from ffseg.io.overlays import Polyline
 from ffseg.io.panels import STRIP, TILE_WIDTH, Tile, encode_panel
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 from ffseg.peer_parameters import PeerParameters
 from ffseg.result import Segmentation, Timings
 from ffseg.scene import Stats

@@ -29,7 +29,7 @@ from ffseg.batch.plan.sources import InputImage, Job
 from ffseg.batch.workers.launch import Process, launch
 from ffseg.batch.workers.messages import Setup, Task
 from ffseg.errors import UsageError, WorkerLostError
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 from tests.campaigns import harness
 
 pytest.importorskip("distributed")

@@ -16,7 +16,7 @@ from rendered import drive, write_views
 
 import ffseg
 from ffseg.batch.outputs.table import MAP_FILES
-from ffseg.parameters import ParametersLike
+from ffseg.parameter_files import ParametersLike
 from ffseg.rendering.pairs import CAMERA_YAML
 from ffseg.rendering.raycast import render
 from ffseg.samples.drive import DRIVE_CAMERA, drive_camera, drive_poses, drive_scene

@@ -18,7 +18,7 @@ from ffseg.evidence.recent import Recent
 from ffseg.evidence.source import check_model, model_start, with_model_start
 from ffseg.image.appearance import Appearance
 from ffseg.metrics import iou
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 from ffseg.pipeline import segment
 from tests.discs import disc_of
 from tests.stumps import stump

@@ -30,7 +30,7 @@ from ffseg.io.exports import (
     yolo_text,
 )
 from ffseg.io.images import read_image
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 from tests.discs import overlap
 from tests.real_data import data_folder
 

@@ -12,7 +12,7 @@ from batches import table
 from commands import Command
 
 from ffseg.errors import ParameterError
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 from ffseg.plugins import find
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -19,7 +19,7 @@ from ffseg.image.free import distances
 from ffseg.image.parts import connected_parts
 from ffseg.io.images import Limits
 from ffseg.io.starts import Start
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 from tests.discs import disc_of, overlap
 from tests.masks import read_mask, write_image
 

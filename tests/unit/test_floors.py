@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rendered import floor_pair
 
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 from ffseg.rendering.raycast import SHADOW, STREAK, tilt_matrix
 from tests.campaigns.freespace import LEAST_IOU, MOST_SHIFTED, Case, Tally, cases, enclosed_marks, kept, run
 from tests.floors import FLOOR_KINDS

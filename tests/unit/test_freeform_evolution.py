@@ -13,7 +13,7 @@ from ffseg.geometry.freeform import FreeForm
 from ffseg.image.edges import edge_map
 from ffseg.image.raster import rasterize
 from ffseg.learning.drawn.sights import KINDS, sights
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 from ffseg.plugins import METHODS
 from ffseg.scene import Scene
 from tests import stress

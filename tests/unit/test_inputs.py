@@ -20,7 +20,7 @@ from ffseg.batch.plan.reading import read_input
 from ffseg.batch.plan.sources import natural_key
 from ffseg.batch.workers.messages import Setup
 from ffseg.errors import ImageReadError, UsageError
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 
 INPROCESS = "inprocess"
 NAMES = ["a.png", "b/a10.png", "b/a9.png"]

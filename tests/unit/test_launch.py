@@ -15,7 +15,7 @@ from ffseg.batch.workers import launch as launching
 from ffseg.batch.workers.messages import Setup
 from ffseg.bench.drawing import draw
 from ffseg.io.masks import encode_png
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="workers are copies on Linux only")
 
@@ -29,7 +29,7 @@ worker = launch()
 seen = {{"forked": isinstance(worker.handle, Forked), "heavy": "numpy" in sys.modules}}
 from ffseg.batch.plan.sources import InputImage, Job
 from ffseg.batch.workers.messages import Setup, Task, received_messages, send
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 
 def faults():
     fields = open(f"/proc/{{worker.handle.pid}}/stat").read().rpartition(")")[2].split()

@@ -18,7 +18,7 @@ from ffseg.learning.gather import LabelledImage, gather
 from ffseg.learning.learn import CrossValidation, _worth_drawing, fitted_ratio, learn_and_measure, levelled
 from ffseg.learning.training import BaseChoice, PriorChoice, SampleSet, grown
 from ffseg.metrics import IGNORED, INSIDE
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 from tests.discs import disc_of
 from tests.masks import write_image
 

@@ -21,7 +21,8 @@ from ffseg.learning.gather import LabelledImage, few_known, gather, known_share,
 from ffseg.learning.learn import CrossValidation
 from ffseg.learning.page import summary_lines
 from ffseg.learning.tune import Bench, tune
-from ffseg.parameters import Parameters, load_params
+from ffseg.parameter_files import load_params
+from ffseg.parameters import Parameters
 from tests.discs import bright_disc, disc_of
 from tests.masks import write_image
 

@@ -13,7 +13,8 @@ from ffseg.image.edges import EdgeMap
 from ffseg.image.raster import rasterize
 from ffseg.methods import levelset
 from ffseg.native import _core
-from ffseg.parameters import Parameters, load_params
+from ffseg.parameter_files import load_params
+from ffseg.parameters import Parameters
 from ffseg.scene import Scene
 from tests.discs import bright_disc, edges_of
 

@@ -14,7 +14,7 @@ from ffseg.batch.plan.jobs import make_plan
 from ffseg.batch.plan.reading import display_path, read_input, split_member_path
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.learning.gather import gather
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 from tests.masks import write_image
 
 INPROCESS = "inprocess"

@@ -33,7 +33,7 @@ from ffseg.batch.tar.members import output_bytes
 from ffseg.batch.tar.writer import PackWriter, head, head_size
 from ffseg.batch.workers.messages import Setup
 from ffseg.errors import OutputError, UsageError
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 from tests.masks import write_image
 
 NAMES = [f"{index % 3}/i{index}.png" for index in range(14)]

@@ -16,8 +16,9 @@ from ffseg.errors import ParameterError
 from ffseg.image.edges import GRADIENT_SCALE
 from ffseg.methods.freeform import native_options
 from ffseg.native import _core
+from ffseg.parameter_files import load_params, presets
 from ffseg.parameter_text import json_schema, to_yaml
-from ffseg.parameters import Contour, Edges, Init, Parameters, Region, load_params, presets
+from ffseg.parameters import Contour, Edges, Init, Parameters, Region
 from ffseg.schema.kinds import FilePath, Flag, Integer, Kind, Many, Name, Number, OrWord, Row, Text
 from ffseg.schema.nodes import Origin, Problems
 from ffseg.schema.sections import Leaf, collect, flat, leaves

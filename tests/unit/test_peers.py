@@ -14,7 +14,7 @@ from ffseg.image.opencv_peers import connected, dilated_by_disc
 from ffseg.image.raster import rasterize
 from ffseg.methods import peers
 from ffseg.metrics import scores
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 from ffseg.peer_parameters import PeerParameters, SkimageGac, load_peer_parameters
 from ffseg.plugins import METHODS, PEERS
 from ffseg.result import Segmentation

@@ -31,7 +31,7 @@ from ffseg.io.files import temporary_path
 from ffseg.io.labels import read_labels
 from ffseg.io.masks import encode_mask
 from ffseg.io.starts import load_starts
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 from ffseg.picking import open_image as scenes
 from ffseg.picking import project
 from ffseg.picking.learner import Background

@@ -27,7 +27,7 @@ from ffseg.io.masks import encode_png
 from ffseg.learning.drawn.sights import Sight, sights
 from ffseg.metrics import iou
 from ffseg.native import _core
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 from ffseg.pipeline import segment as segment_scene
 from ffseg.scene import Outcome, Progress, Scene
 from tests.discs import disc_of

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 from tests import real_data
 from tests.campaigns import real_images, real_invariance, real_sets
 from tests.masks import write_image

@@ -20,7 +20,7 @@ from ffseg.batch.record.tables import TIMING_COLUMNS
 from ffseg.batch.workers import work
 from ffseg.batch.workers.messages import Failed, Setup, Task
 from ffseg.errors import UsageError, WorkerLostError
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 
 NAMES = [f"s{index % 3}/image{index}.png" for index in range(12)]
 

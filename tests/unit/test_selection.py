@@ -15,7 +15,7 @@ from hypothesis.extra.numpy import arrays
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.raster import rasterize
 from ffseg.image.selection import count_regions, selected
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 from tests.masks import read_mask, write_image
 
 SHAPE = (40, 60)

@@ -26,7 +26,7 @@ from ffseg.batch.shards.assign import Shard, number_of, read_shard, shard_plan
 from ffseg.batch.shards.merge import last_lines, merge_shards
 from ffseg.batch.values import Record, record_line
 from ffseg.errors import UsageError
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 
 NAMES = [f"{index % 7}/i{index}.png" for index in range(40)]
 ALL = Products(True, ("coco", "geojson"))

@@ -24,7 +24,8 @@ from ffseg.image.outlines import outlines
 from ffseg.io.starts import Start, check_starts, finds_starts, load_starts, starts_table
 from ffseg.methods.peers import PEERS
 from ffseg.metrics import iou
-from ffseg.parameters import MIN_START_RADIUS, Parameters, load_params
+from ffseg.parameter_files import load_params
+from ffseg.parameters import MIN_START_RADIUS, Parameters
 from ffseg.peer_parameters import PeerParameters
 from ffseg.schema.strict_csv import MAX_BYTES
 from tests.discs import LEFT, RIGHT, disc_of, overlap, two_discs

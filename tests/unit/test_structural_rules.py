@@ -18,7 +18,7 @@ from ffseg.freespace.sequence import Sequence
 from ffseg.freespace.structural import structural_test
 from ffseg.image.components import Component, contour_components
 from ffseg.image.keypoints import Alignments, Candidates, limited_information
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 from ffseg.rendering.pairs import sample_camera
 
 EPSILON = 0.08

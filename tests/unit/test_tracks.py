@@ -12,7 +12,7 @@ from ffseg.camera.motion import Pose, planar_parameters, planar_pose, relative_m
 from ffseg.freespace.sequence import Sequence, free_space
 from ffseg.freespace.tracks import MAX_DISTANCE, ObstacleTracks, associate, in_earlier_frame, with_track_numbers
 from ffseg.freespace.window import WINDOW, EarlierImage
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 from ffseg.rendering.pairs import sample_camera
 
 EPSILON = 0.08

@@ -21,8 +21,8 @@ from ffseg.learning.gather import LabelledImage, gather
 from ffseg.learning.page import not_tried, summary_lines, to_html, to_yaml
 from ffseg.learning.space import MAX_SETTINGS, halton, levels, settings, with_setting
 from ffseg.learning.tune import TuningResult, _sensitivity, before_and_after, tune
+from ffseg.parameter_files import load_params
 from ffseg.parameter_text import non_defaults
-from ffseg.parameters import load_params
 from tests.discs import disc_of
 from tests.masks import write_image
 

@@ -7,7 +7,7 @@ import pytest
 from ffseg.evidence.maps import log_odds
 from ffseg.learning.choice import MIN_GAIN, MIN_SPREAD, MIN_STANDARD_ERRORS, Trial, Trials
 from ffseg.learning.space import LEVEL, levels
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 
 PLAIN = (0.5, 0.4, 0.6)
 

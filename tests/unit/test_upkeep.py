@@ -21,7 +21,7 @@ from ffseg.batch.preview import preview
 from ffseg.batch.record.lock import OutputLock
 from ffseg.batch.workers.messages import Setup
 from ffseg.errors import OutputError, UsageError
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 from tests.masks import write_image
 
 NAMES = [f"{name}.png" for name in "abcdef"]

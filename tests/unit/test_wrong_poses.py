@@ -17,7 +17,7 @@ from ffseg.freespace.motion.contradictions import MAX_HEIGHT, MAX_STEP, unlikely
 from ffseg.freespace.motion.egomotion import pair_motion, stated_motion
 from ffseg.freespace.sequence import free_space
 from ffseg.freespace.window import EarlierImage, window_motion
-from ffseg.parameters import load_params
+from ffseg.parameter_files import load_params
 from ffseg.rendering.pairs import RenderedPair, sample_camera
 from tests.campaigns.freespace import true_poses
 

@@ -98,7 +98,7 @@ def _short(value: object) -> str:
 
 def _parameters(values: object) -> list[tuple[str, str, bool]]:
     """Key, value and whether it differs from the default, in the order of the parameter page."""
-    from ffseg.parameters import load_params
+    from ffseg.parameter_files import load_params
 
     defaults = dict(_flat(json.loads(json.dumps(asdict(load_params())))))
     found = dict(islice(_flat(values if isinstance(values, dict) else {}), MAX_LINES))

@@ -27,7 +27,7 @@ app = typer.Typer(
 @app.command("list", epilog=epilog("config list"))
 def list_presets() -> None:
     """List the presets that come with ffseg: name, what for, file."""
-    from ffseg.parameters import presets
+    from ffseg.parameter_files import presets
 
     known = presets()
     width = max((len(name) for name in known), default=0)
@@ -51,8 +51,8 @@ def show(
     ] = None,
 ) -> None:
     """Show every key of a parameter set as YAML, with what it means and what is allowed."""
+    from ffseg.parameter_files import load_params
     from ffseg.parameter_text import to_yaml
-    from ffseg.parameters import load_params
 
     console.data(to_yaml(load_params(source, settings, allow_code=True)).rstrip("\n"))
 
@@ -83,7 +83,7 @@ def check(
 def _say_changes(file: str) -> None:
     """Tell on stderr what a sound file of ffseg 0.1 left to defaults that have changed since."""
     from ffseg.parameter_changes import since_0_1
-    from ffseg.parameters import presets, written
+    from ffseg.parameter_files import presets, written
     from ffseg.schema.nodes import Problems
 
     mine = file in presets() or Path(file).read_text(encoding="utf-8").startswith("# ffseg ")  # as tune begins a file
