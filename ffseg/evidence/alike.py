@@ -42,7 +42,7 @@ SIDE_PIXELS = 1500
 """Pixels of either side that teach the forest, at most: with twice as many it tells the same, with half as many less."""
 
 MIN_SHARE = 0.8
-"""Part of a reduced pixel that lies on one side, from which on it teaches that. With .6 twice as many clicks do harm."""
+"""Part of a reduced pixel that lies on one side, from which on it teaches that. With .6 half as many clicks again do harm."""
 
 RING, MIN_RING = 0.2, 2.0
 """Width of the ring that lies outside: in parts of the depth of what the first start holds, and reduced pixels at least. Wider
@@ -50,8 +50,7 @@ ones hold other things: with .5 and 1 an IoU of .72 from two things was .70 and 
 
 MIN_DEPTH, MAX_SIZE = 12.0, 1200
 """Pixels from the rim of what the first start holds to its middle, in the reduced image: it is reduced less for that, to so many
-pixels a side at most."""
-
+pixels a side at most. Nuclei in nine megapixels have an IoU of .80 from a box so, .25 reduced as images are elsewhere."""
 
 CACHED_TOLD = 2
 """What the forest tells of the reduced copy, without the last circle, which the hand moves: that only corrects it there."""
