@@ -71,7 +71,7 @@ class Picking:
         -------
         dict
             Of each image ``starts`` (x, y, radius), ``nots`` (the same, and how many starts there were before), ``boxes``
-            (left, top, right, bottom), all in pixels, ``strokes``, ``probability``, ``clearance`` and ``status``.
+            (left, top, right, bottom), all in pixels, ``strokes``, ``probability``, ``clearance``, ``alike`` and ``status``.
         """
         tracks = self._project(label).journal.tracks
         return {name: asdict(track.now) for name, track in tracks.items() if track.version}
