@@ -42,7 +42,7 @@ def require_lightgbm() -> None:
     UsageError
         If LightGBM is not installed.
     """
-    require("lightgbm", "learning needs LightGBM", "learn")
+    require("lightgbm", "learning, and finding all that look alike, need LightGBM", "learn")
 
 
 def check_source(source: str, model: str | None, *, alike: bool = False) -> None:

@@ -105,7 +105,7 @@ def test_what_is_missing_is_named_before_anything_is_run(
     write_image(tmp_path / "a.png", image)
     monkeypatch.setattr("ffseg.plugins.find_spec", lambda _: None)
     done = ffseg_command("run", tmp_path / "a.png", "--out", tmp_path / "out", "--set", "region.islands=all", code=2)
-    assert "pip install 'ffseg[learn]'" in done.stderr
+    assert "finding all that look alike, need LightGBM; install it with: pip install 'ffseg[learn]'" in done.stderr
     assert not (tmp_path / "out").exists()
     with pytest.raises(ffseg.UsageError, match=r"ffseg\[learn\]"):
         ffseg.segment(image, {**ALL, "init.center": deepest(truth)})
