@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 import ffseg
 from ffseg.camera.motion import planar_pose
 from ffseg.freespace.sequence import Sequence
-from ffseg.image.free import distances
 from ffseg.io.animation import animation_bytes
 from ffseg.io.overlays import Kind, Polyline, draw_overlay
 from ffseg.io.snapshots import scaled_contour, scaled_down
@@ -276,10 +275,10 @@ def alike() -> None:
     """Of a picture of many things what a click finds, and all that look like it."""
     sys.path.insert(0, str(FOLDER.parents[1]))
     from tests.campaigns.all_things import ellipses
+    from tests.many_things import deepest
 
     image, truth = ellipses(3)
-    row, column = np.unravel_index(int(distances(truth > 0).argmax()), truth.shape)
-    one = {"init.circles": [[int(column), int(row)]]}
+    one = {"init.circles": [deepest(truth)]}
     cases = {"a click": one, "all that look alike": {**one, "region.islands": "all"}}
     side_by_side("alike", [captioned(drawn(image, ffseg.segment(image, more)), name) for name, more in cases.items()])
 

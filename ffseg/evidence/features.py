@@ -51,6 +51,9 @@ ALL_FEATURES = (
 )
 """Names of all planes in their order."""
 
+TEXTURE_FEATURES = tuple(f"{name}@{scale:g}" for scale in SCALES for name in TEXTURE)
+"""Names of those that are of no start and no place."""
+
 SHAPELESS_FEATURES = (
     *(f"{name}@{scale:g}" for scale in GEODESIC_SCALES for name in COLOUR_FEATURES),
     *(f"{name}@{GEODESIC_SCALES[0]:g}" for name in BARRIER_FEATURES),

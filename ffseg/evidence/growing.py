@@ -38,20 +38,13 @@ LEAVES_OF_AN_IMAGE = 24
 a twelfth as many gave an IoU lower by .02 from three and from five masks."""
 
 
-def leaf_size(pixels: float) -> int:
+def leaf_size(pixels: int) -> int:
     """Least number of pixels in a leaf of a forest, of so many pixels of an image."""
-    return max(MIN_IN_LEAF, int(pixels) // LEAVES_OF_AN_IMAGE)
+    return max(MIN_IN_LEAF, pixels // LEAVES_OF_AN_IMAGE)
 
 
 def boosted(data: Any, trees: int, names: tuple[str, ...]) -> Forest:  # noqa: ANN401 - a lightgbm.Dataset
-    """A forest of so many trees, grown on the rows of features of these names, with the settings that these have.
-
-    Raises
-    ------
-    UsageError
-        If LightGBM is not installed.
-    """
-    require_lightgbm()
+    """A forest of so many trees, grown on the rows of features of these names, with the settings that these have."""
     import lightgbm
 
     return converted(lightgbm.train(data.params, data, trees).dump_model()["tree_info"], names)

@@ -28,6 +28,8 @@ KINDS = {
     "probability": ("value",),
     "clearance": ("value",),
 }
+FLAGS = {"alike": "alike", "model": "found"}
+"""Kinds of rows that are there or not, and the attribute of `Start` that each sets."""
 LIMITS = {"probability": (0.01, 0.99), "clearance": (0.0, 1000.0)}
 """Values allowed, as of the parameters whose place they take."""
 MAX_PIXELS = float(MAX_COORDINATE)
@@ -139,8 +141,7 @@ class Start:
         rows += [[name, "box", left, top, none, right, bottom, none] for left, top, right, bottom in self.boxes]
         values = (("probability", self.probability), ("clearance", self.clearance))
         rows += [[name, kind, none, none, none, none, none, value] for kind, value in values if value is not None]
-        flags = (("alike", self.alike), ("model", self.found))
-        return rows + [[name, kind, *[none] * 6] for kind, said in flags if said]
+        return rows + [[name, kind, *[none] * 6] for kind, flag in FLAGS.items() if getattr(self, flag)]
 
 
 def starts_table(starts: Mapping[str, Start]) -> bytes:
@@ -305,8 +306,8 @@ def _start(rows: _Rows) -> Start:
             circles.append(Start(*numbers))
         elif kind in LIMITS:
             more[kind] = value
-        elif kind in ("alike", "model"):
-            more["found" if kind == "model" else kind] = True
+        elif kind in FLAGS:
+            more[FLAGS[kind]] = True
         else:
             row = tuple(number for number in numbers if number is not None)
             more.setdefault("background" if kind == "not" else "boxes", []).append(row)

@@ -13,10 +13,9 @@ import numpy as np
 from ffseg.arrays import Floats, Mask
 from ffseg.batch.workers.launch import cores
 from ffseg.evidence.base import base, enough_of, joined, mean_overlap, odds_of
-from ffseg.evidence.features import ALL_FEATURES, PLACE_FEATURES
+from ffseg.evidence.features import ALL_FEATURES, PLACE_FEATURES, TEXTURE_FEATURES
 from ffseg.evidence.forest import Forest, Model
 from ffseg.evidence.growing import SETTINGS, boosted, leaf_size
-from ffseg.image.appearance import TEXTURE
 from ffseg.learning.examples import Samples
 from ffseg.plugins import require_lightgbm
 
@@ -46,9 +45,7 @@ MIN_APART = 0.2
 """Part of what masks have inside, in the mean, that lies apart from the largest component, from which on they mean all things of
 a kind: 0 in each of 47 photographs and 88 drawings of one thing, .96 in pictures of forty cells."""
 
-STARTLESS_FEATURES = tuple(
-    name for name in ALL_FEATURES if name.partition("@")[0] in TEXTURE or name in PLACE_FEATURES[:2]
-)  # fmt: skip
+STARTLESS_FEATURES = (*TEXTURE_FEATURES, *PLACE_FEATURES[:2])
 """Features that need no start."""
 
 

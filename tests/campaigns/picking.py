@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pick_page import SETTLED, Hand
 
-from ffseg.image.free import distances
 from ffseg.learning.drawn.sights import sights
 from ffseg.parameter_files import load_params
 from ffseg.picking.server import Server
@@ -30,6 +29,7 @@ from ffseg.picking.session import Session
 from tests.campaigns import harness
 from tests.campaigns.all_things import nuclei
 from tests.campaigns.harness import Work, children, say
+from tests.many_things import deepest
 
 SIZES = ((800, 600), (4000, 3000))
 MOVES, APART_S = 60, 0.03
@@ -122,7 +122,7 @@ def follow(tab: chromium.Chromium, work: Path, size: tuple[int, int]) -> None:
         tab.mouse("mouseReleased", start[0], start[1] - 70, "left")
         tab.press("n")
         tab.until("document.getElementById('name').textContent === 'b.jpg'")
-        row, column = np.unravel_index(int(distances(truth > 0).argmax()), truth.shape)
+        column, row = deepest(truth)
         tab.click(*hand.at(column * width / truth.shape[1], row * height / truth.shape[0]))
         tab.until("document.querySelectorAll('#marks circle').length === 1")
         tab.press("k")
