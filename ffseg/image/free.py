@@ -113,6 +113,9 @@ def distances(mask: Mask) -> Plane:
     OpenCV's depends in its last bit on where the memory lies. Squares of distances are whole numbers: those up to
     `_MAX_EXACT_DISTANCE` are brought back to them.
     """
-    found = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    squares = np.rint(np.square(np.minimum(found, _MAX_EXACT_DISTANCE)))
-    return np.asarray(np.where(found < _MAX_EXACT_DISTANCE, np.sqrt(squares), found), np.float32)
+    found = np.asarray(cv2.distanceTransform(mask.view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE), np.float32)
+    far = found >= _MAX_EXACT_DISTANCE
+    beyond = found[far]
+    np.sqrt(np.rint(np.square(found, out=found), out=found), out=found)
+    found[far] = beyond
+    return found

@@ -60,9 +60,10 @@ def parts_holding(mask: Mask, places: Mask, *, corners: bool = False) -> Mask:
     found, width = mask.astype(np.uint8), mask.shape[1]
     at = np.flatnonzero(places & mask)
     begun = at[(np.diff(at, prepend=-2) > 1) | (at % width == 0)]  # what lies in a row without a gap hangs together
+    framed = np.zeros((len(found) + 2, width + 2), np.uint8)  # without one of ours, each flood makes and clears one
     for row, column in zip(*np.divmod(begun, width), strict=True):
         if found[row, column] == 1:
-            cv2.floodFill(found, None, (int(column), int(row)), 2, flags=8 if corners else 4)
+            cv2.floodFill(found, framed, (int(column), int(row)), 2, flags=8 if corners else 4)
     return np.asarray(found == 2)
 
 
