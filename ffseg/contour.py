@@ -71,6 +71,12 @@ def trial_result(edges: EdgeMap) -> ContourResult | None:
     return found if all(map(is_, _known(tried_on), _known(edges))) else None
 
 
+def tried(found: ContourResult, said: str = "") -> EdgeMap:
+    """The map that a contour was asked for on, with that contour and what to say of its start."""
+    edges = found.scene.edges
+    return replace(edges, trial=(edges, replace(found, messages=(said, *found.messages)) if said else found))
+
+
 def contour(scene: Scene) -> ContourResult:
     """Evolve the contour of a scene with its method.
 

@@ -178,7 +178,7 @@ METHODS: dict[str, Method] = {**SEGMENTERS, **PEERS}
 EDGE_SOURCES: dict[str, str] = {
     "auto": "ffseg.evidence.auto:auto",
     "gradient": "ffseg.evidence.gradient:gradient",
-    "prior": "ffseg.evidence.prior:prior_edges",
+    "prior": "ffseg.evidence.auto:prior_edges",
     "model": "ffseg.evidence.source:model_edges",
     "evidence": "ffseg.evidence.source:map_edges",
     "hints": "ffseg.evidence.clicks:hint_edges",

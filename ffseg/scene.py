@@ -199,6 +199,12 @@ class Scene:
         return self.center is not None and self.params.init.center == "auto"
 
     @property
+    def pointed(self) -> bool:
+        """Whether somebody has pointed at the first of the starts, which grow; nobody points at the middle of an image."""
+        init, grows = self.params.init, self.params.contour.balloon >= 0
+        return grows and self.start_mask is None and (init.center != "auto" or bool(init.circles))
+
+    @property
     def covered(self) -> tuple[FreeForm, ...]:
         """Starts in which a camera sees its own robot: what is seen there says nothing of the ground round it."""
         return self.starts if self.fixed else ()

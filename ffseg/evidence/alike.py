@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from ffseg.arrays import Mask, Plane
-from ffseg.contour import contour, trial_result
+from ffseg.contour import ContourResult, contour, trial_result, tried
 from ffseg.evidence.auto import auto
 from ffseg.evidence.clicks import with_clicks
 from ffseg.evidence.features import TEXTURE_FEATURES, enlarged, reduced_mean, startless_planes
@@ -29,7 +29,8 @@ from ffseg.image.free import distances
 from ffseg.image.raster import rasterize
 from ffseg.scene import Scene
 from ffseg.starts.boxes import within_boxes
-from ffseg.starts.initial import middles
+from ffseg.starts.initial import circle_start, middles
+from ffseg.starts.moved import as_circle
 from ffseg.starts.rivals import seeds
 
 TREES = 40
@@ -67,6 +68,7 @@ def alike_edges(scene: Scene) -> EdgeMap:
     edges = _edges_by_default(first)
     found = trial_result(edges) or contour(replace(first, edges=edges))
     shown = found.region() if found.outcome.mask is None else found.outcome.mask
+    narrow, further = _narrowed(scene, first, found, further)
     inside = rasterize(further[:-1] if scene.draft else further, scene.shape)
     outside = seeds(scene.params.init.background, inside, scene.background)
     known = (shown & ~outside, inside, outside)
@@ -75,9 +77,13 @@ def alike_edges(scene: Scene) -> EdgeMap:
     if odds is None:
         return edges
     own = gradient(scene)
-    if scene.has_hints:
-        return with_clicks(scene, own, odds)
-    return odds_edges(odds, scene.params.region.probability, own, "alike")
+    if narrow.has_hints:
+        edges = with_clicks(narrow, own, odds)
+    else:
+        edges = odds_edges(odds, scene.params.region.probability, own, "alike")
+    if narrow is scene:
+        return edges
+    return tried(contour(replace(narrow, edges=edges, callback=None)), *found.messages[:1])
 
 
 _told = Recent[Plane | None](CACHED_TOLD)
@@ -95,6 +101,21 @@ def _first(scene: Scene) -> tuple[Scene, tuple[FreeForm, ...]]:
     starts = middles(params, scene.shape) if scene.boxes else scene.starts[: shown or None]
     first = replace(scene, params=params, starts=starts, callback=None)
     return within_boxes(first) if scene.boxes else first, scene.starts[shown:count]
+
+
+def _narrowed(
+    scene: Scene, first: Scene, found: ContourResult, further: tuple[FreeForm, ...]
+) -> tuple[Scene, tuple[FreeForm, ...]]:
+    """The scene with starts without a radius of their own no wider than the first was in the end; and those after it."""
+    begun, init = found.scene.starts[: len(first.starts)], scene.params.init
+    named = [len(one) == 3 for one in init.circles] or [init.radius != "auto"]
+    if scene.boxes or scene.start_mask is not None or named[0] or begun == first.starts:
+        return scene, further
+    radius = as_circle(begun[0]).radius
+    circles = ((one.x, one.y, min(one.radius, radius)) for one in map(as_circle, further))
+    narrow = (circle_start(circle, scene.params) for circle in circles)
+    further = tuple(own if wide else less for own, less, wide in zip(further, narrow, named[1:], strict=True))
+    return replace(scene, starts=(*begun, *further)), further
 
 
 def _edges_by_default(scene: Scene) -> EdgeMap:

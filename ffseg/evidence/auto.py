@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from operator import attrgetter
 from time import perf_counter
 
 import numpy as np
 
-from ffseg.contour import ContourResult, bounded, contour, run
+from ffseg.contour import ContourResult, bounded, contour, run, tried
 from ffseg.evidence.gradient import gradient
 from ffseg.image.boundary import CHECK_INTERVAL, Boundary, FaintError, unless_faint
 from ffseg.image.components import filled
@@ -38,22 +40,42 @@ def auto(scene: Scene) -> EdgeMap:
     for look, said in looks:
         found = _trial(look)
         if found is not None and not (_holds_rivals(found, scene) or _mends_a_rim(found, scene)):
-            return _tried(found, said)
+            return tried(found, said)
     if scene.has_hints:
         from ffseg.evidence.clicks import with_clicks  # these load forests, which clear edges do not need
 
         return with_clicks(scene, edges)
-    from ffseg.evidence.prior import surest
-
-    best = surest([look for look, _ in looks[::-1]], edges)
-    said = next(said for look, said in looks if look.starts == best.starts)
-    return _tried(contour(best), said) if said else best.edges
+    return _by_prior(looks[::-1], edges)
 
 
-def _tried(found: ContourResult, said: str) -> EdgeMap:
-    """The map that a contour was asked for on, with that contour and what to say of its start."""
-    edges = found.scene.edges
-    return replace(edges, trial=(edges, replace(found, messages=(said, *found.messages)) if said else found))
+def prior_edges(scene: Scene) -> EdgeMap:
+    """Edges where the prior falls to ``region.probability``: the source ``prior``."""
+    return _by_prior([(scene, "")], gradient(scene))
+
+
+def _by_prior(scenes: Sequence[tuple[Scene, str]], image_edges: EdgeMap) -> EdgeMap:
+    """Edges by the prior from that of several starts of which it promises the largest overlap; the image's own if it sees none.
+
+    What somebody has pointed at in the first of the scenes is looked at closer, too; of a start that is none that was asked for,
+    the contour comes with the map, and with what to say.
+    """
+    from ffseg.evidence.maps import odds_edges
+    from ffseg.evidence.prior import appearance_of, look_at
+
+    (asked, _), *_ = scenes
+    seen = appearance_of(asked)
+    looks = [look for scene, said in scenes if (look := look_at(scene, seen, said)) is not None]
+    if looks and asked.pointed:
+        from ffseg.evidence.closer import closer_looks
+
+        looks += closer_looks(asked)
+    if not looks:
+        return image_edges
+    best = looks[0] if len(looks) == 1 else max(looks, key=attrgetter("promised"))
+    edges = odds_edges(best.odds, asked.params.region.probability, image_edges, "prior")
+    if best.scene.starts == asked.starts:
+        return edges
+    return tried(contour(replace(best.scene, edges=edges, callback=None)), best.said)
 
 
 def _holds_rivals(found: ContourResult, scene: Scene) -> bool:

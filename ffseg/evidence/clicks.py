@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -37,6 +38,9 @@ from ffseg.starts.boxes import in_boxes
 from ffseg.starts.initial import circle_start, middles
 from ffseg.starts.parts import start_core
 from ffseg.starts.rivals import add_disc, disc_of, seeds
+
+if TYPE_CHECKING:
+    from ffseg.evidence.closer import Crop
 
 CLICK_REACH = 4.0
 """Radius within which a click counts, in units of its depth: the distance from the click to the nearest pixel of its side."""
@@ -65,6 +69,10 @@ class Click:
     radius: float
     inside: bool
     after: float | None = None
+
+    def seen_in(self, crop: Crop) -> Click:
+        """The same where a crop begins at (0, 0)."""
+        return replace(self, x=self.x - crop.left, y=self.y - crop.top)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +105,13 @@ class ClickedImage:
     within: Mask | None
     ask: Callable[[Mask], Plane] | None = None
     parts: bool = False
+
+    def closer(self, appearance: Appearance, crop: Crop) -> ClickedImage:
+        """What is known of a crop of the image, which looks so; there must be no base."""
+        part = crop.rows_and_columns
+        inside, outside = self.inside[part], self.outside[part]
+        limits = None if self.within is None else self.within[part]
+        return replace(self, appearance=appearance, inside=inside, outside=outside, within=limits)
 
     @property
     def factor(self) -> int:
@@ -232,10 +247,11 @@ def with_clicks(
     odds, kept = base, None
     if first.any():
         beyond = np.zeros_like(inside) if scene.background is None else scene.background > 0
-        clicked = ClickedImage(appearance_of(scene), first, beyond, base, level, within, ask, parts)
-        state = state_after_all(clicked, circles, [_outside(point, scene.shape) for point in points])
-        if state is not None:
-            odds, kept = _at_full_size(clicked, state)
+        whole = ClickedImage(appearance_of(scene), first, beyond, base, level, within, ask, parts)
+        outer = [_outside(point, scene.shape) for point in points]
+        found = _found(scene, whole, circles, outer)
+        if found is not None:
+            odds, kept = found
             odds[dilated_by_disc(inside, HELD_RADIUS)] = MAX_LOG_ODDS
             odds[outside], odds[inside] = -MAX_LOG_ODDS, MAX_LOG_ODDS
     if odds is None:
@@ -248,6 +264,26 @@ def with_clicks(
     if not outside.any():
         return edges
     return replace(edges, domain=np.where(~outside, np.uint8(255), np.uint8(0)))
+
+
+def _found(
+    scene: Scene, whole: ClickedImage, circles: Sequence[Click], points: Sequence[Click]
+) -> tuple[Plane, Mask] | None:
+    """Log odds and region at the size of the image: as a crop shows them, if what the first start shows is small."""
+    if whole.base is None and scene.pointed and whole.factor > 1:
+        from ffseg.evidence.closer import crops_from, first_crop, seen_in
+
+        narrowest = _crops.get(whole.key, partial(first_crop, scene))
+        discs = [(one.x, one.y, one.radius) for one in (*circles, *points)]
+        for crop in () if narrowest is None else crops_from(narrowest, scene.starts[0], discs):
+            seen = whole.closer(seen_in(crop, scene), crop)
+            there = [[one.seen_in(crop) for one in clicks] for clicks in (circles, points)]
+            state = state_after_all(seen, *there)
+            if state is not None and not crop.cuts(state.stays):
+                odds, kept = _at_full_size(seen, state)
+                return crop.in_whole(odds, -MAX_LOG_ODDS), crop.in_whole(kept, False)
+    state = state_after_all(whole, circles, points)
+    return None if state is None else _at_full_size(whole, state)
 
 
 def _in_boxes(scene: Scene, odds: Plane) -> Scene:
@@ -300,6 +336,7 @@ def _next_side(next_ones: Sequence[Click], depths: Sequence[float]) -> int:
 
 
 _states = Recent[ClickState | None](CACHED_STATES)
+_crops = Recent["Crop | None"](CACHED_STATES)
 _views = Recent[prior.PriorView](1)
 
 

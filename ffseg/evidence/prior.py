@@ -7,8 +7,7 @@ makes it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
 
@@ -31,12 +30,10 @@ from ffseg.evidence.features import (
     write_relative,
 )
 from ffseg.evidence.forest import shipped
-from ffseg.evidence.gradient import gradient
-from ffseg.evidence.maps import blurred, expected_overlap, log_odds, odds_edges
+from ffseg.evidence.maps import blurred, expected_overlap, log_odds
 from ffseg.evidence.recent import Recent
 from ffseg.evidence.surroundings import STRIDE, SURROUNDINGS_FEATURES, strided, surroundings, voted, write_strided
 from ffseg.image.appearance import WORKING_SIZE, Appearance
-from ffseg.image.edges import EdgeMap
 from ffseg.image.parts import parts_holding
 from ffseg.scene import Scene
 from ffseg.starts.parts import start_core
@@ -76,8 +73,8 @@ CAUTION = 0.32
 mean IoU of pixels gains .012 (standard error .003) on kinds left out, .004 on kinds that were learned from."""
 
 
-CACHED_APPEARANCES = 2
-"""What the prior and a model see of the reduced copy that is looked at while the hand moves."""
+CACHED_APPEARANCES = 4
+"""What the prior and a model see of the reduced copy that is looked at while the hand moves, and of crops of it."""
 
 _appearances = Recent[Appearance](CACHED_APPEARANCES)
 
@@ -126,10 +123,10 @@ class PriorView:
         whole[starts] = MAX_LOG_ODDS
         return whole
 
-    def promised(self, probability: float) -> float:
-        """Overlap to expect of the region that ends at this probability, as far as it hangs together with the start."""
-        odds, inside = self.cautious_odds - np.float32(log_odds(probability)), strided(self.seen.inside) > 0
-        return expected_overlap(odds, parts_holding((odds > 0) | inside, inside))
+    def region(self, level: float) -> Mask:
+        """What hangs together with the start in the region that ends at these log odds, at every `STRIDE`-th pixel."""
+        inside = strided(self.seen.inside) > 0
+        return parts_holding((self.cautious_odds > level) | inside, inside)
 
 
 def prior_view(image: Appearance, starts: Mask) -> PriorView:
@@ -187,26 +184,53 @@ def write_pixel_features(seen: Features, out: Plane) -> None:
     out[-1] = distance_plane(across[::STRIDE], along[::STRIDE])
 
 
-def prior_edges(scene: Scene) -> EdgeMap:
-    """Edges where the prior falls to ``region.probability``: the source ``prior``."""
-    return surest((scene,), gradient(scene)).edges
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What the prior sees from the start of a scene.
 
-
-def surest(scenes: Sequence[Scene], image_edges: EdgeMap) -> Scene:
-    """Of scenes that differ in their starts, that of which the prior promises the largest overlap, with its edges.
-
-    They are the image's own where no start covers a pixel of the domain.
+    Attributes
+    ----------
+    starts : ndarray of bool, shape (H, W)
+        Pixels of the domain that show what is inside, at least one.
+    view : PriorView
+    said : str
+        What to say of a start that is none that was asked for.
     """
-    level, seen = scenes[0].params.region.probability, appearance_of(scenes[0])
-    looks = [(scene, starts, prior_view(seen, starts)) for scene in scenes if (starts := _shown(scene)).any()]
-    if not looks:
-        return replace(scenes[0], edges=image_edges)
-    scene, starts, view = looks[0] if len(looks) == 1 else max(looks, key=lambda look: look[2].promised(level))
-    odds = view.of_pixels(starts) - np.float32(CAUTION)
-    return replace(scene, edges=odds_edges(odds, level, image_edges, "prior"))
+
+    scene: Scene
+    starts: Mask
+    view: PriorView
+    said: str = ""
+
+    @cached_property
+    def level(self) -> float:
+        """Log odds at which the region ends."""
+        return log_odds(self.scene.params.region.probability)
+
+    @cached_property
+    def region(self) -> Mask:
+        """Where it ends, as far as it hangs together with the start, at every `STRIDE`-th reduced pixel."""
+        return self.view.region(self.level)
+
+    @cached_property
+    def promised(self) -> float:
+        """Overlap to expect of that region."""
+        return expected_overlap(self.view.cautious_odds - np.float32(self.level), self.region)
+
+    @property
+    def odds(self) -> Plane:
+        """Log odds of the pixels of the image, shape (H, W)."""
+        found: Plane = self.view.of_pixels(self.starts) - np.float32(CAUTION)
+        return found
 
 
-def _shown(scene: Scene) -> Mask:
+def look_at(scene: Scene, appearance: Appearance, said: str = "") -> Look | None:
+    """A look at a scene that looks so, or None where no start covers a pixel of the domain."""
+    starts = shown_by_starts(scene)
+    return Look(scene, starts, prior_view(appearance, starts), said) if starts.any() else None
+
+
+def shown_by_starts(scene: Scene) -> Mask:
     """Pixels of the domain that show what is inside."""
     starts, domain = start_core(scene), scene.disc if scene.domain is None else scene.domain
     return starts if domain is None else starts & (domain > 0)

@@ -129,10 +129,10 @@ def _overlaps(drawn: Drawn, params: Parameters) -> list[float]:
     image, truth = drawn
     alone = replace(params, region=replace(params.region, islands=False))
     mask = ffseg.segment(image, params).mask
-    return [iou(mask, truth), iou(ffseg.segment(image, alone).mask, truth), *_after_clicks(drawn, params, mask)]
+    return [iou(mask, truth), iou(ffseg.segment(image, alone).mask, truth), *after_clicks(drawn, params, mask)]
 
 
-def _after_clicks(drawn: Drawn, params: Parameters, mask: NDArray[np.bool_]) -> list[float]:
+def after_clicks(drawn: Drawn, params: Parameters, mask: NDArray[np.bool_]) -> list[float]:
     """The IoU after clicks, of which each lies in the middle of the largest error; the first of those of a mask."""
     (image, truth), clicks, found = drawn, Clicks(), list[float]()
     for number in range(1, max(CLICKS) + 1):
@@ -166,7 +166,7 @@ def main(
             drawn = [draw(seed) for seed in range(images)]
             for name, islands in (("none", True), ("none, all alike", "all")):
                 params = ffseg.load_params(None, {"region.islands": islands})
-                rows = [_after_clicks(one, params, np.zeros(one[1].shape, np.bool_)) for one in drawn]
+                rows = [after_clicks(one, params, np.zeros(one[1].shape, np.bool_)) for one in drawn]
                 print(f"| {kind} | {name} | | |", _means(rows))
             print(f"| {kind} | none, a place in each | {mean(map(_from_places, drawn)):.3f} | | | | |")
             for count in map(int, masks.split(",") if kind in LEARNED else ()):

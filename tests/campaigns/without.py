@@ -54,6 +54,7 @@ RULES = (
     Rule("more than twenty starts are samples", "evidence/clicks.py", {"MOST_CORRECTIONS": 10**6}, ("hints",)),
     Rule("a start lies on one side", "starts/sides.py", {"MIN_KEPT_RADIUS": inf}, _SIDES),
     Rule("a start that edges part may be a click", "starts/sides.py", {"MIN_PARTED": 10**6}, _SIDES),
+    Rule("what is pointed at is seen closer", "evidence/closer.py", {"WORKING_SIZE": 10**6}, ("closer",)),
     Rule("spare room round a start", "starts/moved.py", {"SPARE_MARGIN": 0.0}, (*_SIDES, *_DISC)),
     Rule("a start keeps its size", "starts/moved.py", {"SIZE_WEIGHT": 0.0}, (*_SIDES, *_DISC)),
     Rule("the disc of a mirror", "image/disc.py", {"MIN_CIRCLE_FRACTION": inf}, _DISC),

@@ -1,0 +1,65 @@
+"""Small things in large pictures: ``python -m tests.campaigns.large_pictures [--images 12] [--first 0]``.
+
+Pictures of stained nuclei and of leaves among stones, put beside one another, once, four and sixteen times; one thing of each is
+meant. Prints the mean IoU from its deepest place and from any in it, none with a radius; after one, three and six clicks in the
+middle of the largest error; and, from the deepest place, that of all which look alike.
+"""
+
+from statistics import mean
+from typing import Annotated
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+
+import ffseg
+from ffseg.image.free import distances
+from ffseg.image.parts import connected_parts
+from ffseg.metrics import INSIDE, iou
+from ffseg.starts.pockets import MIN_PIXELS
+from tests.campaigns import harness
+from tests.campaigns.all_things import KINDS, LEARNED, Drawn, after_clicks
+
+MOST_SIDE = 4
+
+
+def mosaic(kind: str, seed: int, side: int) -> Drawn:
+    """So many pictures a side, beside one another."""
+    tiles = [[KINDS[kind](seed + side * row + column) for column in range(side)] for row in range(side)]
+    image, truth = (np.vstack([np.hstack([tile[k] for tile in row]) for row in tiles]) for k in (0, 1))
+    return image, truth
+
+
+def _overlaps(drawn: Drawn, seed: int) -> list[float]:
+    (image, every), rng = drawn, np.random.default_rng(seed)
+    parts = connected_parts(every == INSIDE)
+    one = parts.labels == rng.choice(np.flatnonzero(parts.areas >= MIN_PIXELS))
+    truth = np.where(one, np.uint8(INSIDE), np.uint8(0))
+    deepest = np.unravel_index(int(distances(one).argmax()), one.shape)
+    deep, anywhere = ([int(x), int(y)] for y, x in (deepest, rng.choice(np.argwhere(one))))
+    alike = ffseg.segment(image, {"init.circles": [deep], "region.islands": "all"})
+    found: list[NDArray[np.bool_]] = [ffseg.segment(image, {"init.center": at}).mask for at in (deep, anywhere)]
+    clicked = after_clicks((image, truth), ffseg.load_params(), np.zeros(one.shape, np.bool_))
+    return [*(iou(mask, truth) for mask in found), *clicked, iou(alike.mask, every)]
+
+
+def main(
+    images: Annotated[int, typer.Option(min=1)] = 12, first: Annotated[int, typer.Option(metavar="SEED")] = 0
+) -> None:
+    """Print the table."""
+    print(
+        "| kind | pixels | deepest place | any place | after 1 click | 3 | 6 | all alike |",
+        "| --- " * 8 + "|",
+        sep="\n",
+    )
+    for kind in LEARNED:
+        for side in (1, 2, MOST_SIDE):
+            drawn = [mosaic(kind, first + MOST_SIDE**2 * number, side) for number in range(images)]
+            rows = [_overlaps(one, number) for number, one in enumerate(drawn)]
+            columns = (f"{mean(column):.3f}" for column in zip(*rows, strict=True))
+            height, width = drawn[0][1].shape
+            print(f"| {kind} | {width}x{height} |", " | ".join(columns), "|")
+
+
+if __name__ == "__main__":
+    harness.as_command(main)

@@ -1,0 +1,115 @@
+"""Small things in large images: what somebody points at is seen closer."""
+
+import numpy as np
+import pytest
+
+import ffseg
+from ffseg.evidence import closer
+from ffseg.evidence.closer import Crop, crops
+from ffseg.image.free import distances
+from ffseg.image.parts import connected_parts
+from ffseg.metrics import iou
+from tests.many_things import SHAPE, cells
+
+TILES, NOISE = 5, 20
+"""Tiles a side, and grey levels that leave no edge clear: cells are 3 px deep in the reduced image, in which they do not show."""
+
+
+def large(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[int]]:
+    """A picture of hundreds of cells, masks of all and of one near the middle, and that one's deepest pixel."""
+    tiles = [[cells(100 * seed + 10 * row + column) for column in range(TILES)] for row in range(TILES)]
+    image, truth = (np.vstack([np.hstack([tile[k] for tile in row]) for row in tiles]) for k in (0, 1))
+    noisy = image + np.random.default_rng(seed).normal(0, NOISE, image.shape)
+    parts = connected_parts(truth == 255)
+    one = parts.labels == parts.number // 2
+    row, column = np.unravel_index(int(distances(one).argmax()), one.shape)
+    return (
+        np.clip(noisy, 0, 255).astype(np.uint8),
+        truth,
+        np.where(one, 255, 0).astype(np.uint8),
+        [int(column), int(row)],
+    )
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_place_finds_a_small_thing(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    image, _, truth, place = large(seed)
+    found = ffseg.segment(image, {"init.center": place})
+    assert iou(found.mask, truth) > 0.8
+    x, y = place
+    assert found.messages[0].startswith(f"the start at ({x}, {y}), radius 53.33 was seen closer, as a click of radius ")
+    monkeypatch.setattr(closer, "WORKING_SIZE", 10**6)
+    assert iou(ffseg.segment(image, {"init.center": place}).mask, truth) < 0.1
+
+
+def test_a_radius_that_is_named_and_wide_is_what_is_meant(monkeypatch: pytest.MonkeyPatch) -> None:
+    image, _, _, place = large(0)
+    monkeypatch.setattr(closer, "prior_view", pytest.fail)
+    wide = ffseg.segment(image, {"init.center": place, "init.radius": 40})
+    middle = ffseg.segment(image)
+    assert not any("closer" in one for found in (wide, middle) for one in found.messages)
+
+
+def test_clicks_go_on_in_what_is_seen_closer() -> None:
+    image, _, truth, (x, y) = large(0)
+    inside, outside = [[x, y, 4], [x + 3, y, 2]], [[x + 19, y, 4]]
+    for params in ({"init.circles": inside}, {"init.circles": inside[:1], "init.background": outside}):
+        found = ffseg.segment(image, params)
+        assert found.source == "hints"
+        assert iou(found.mask, truth) > 0.8
+        assert found.mask[y, x]
+        assert not found.mask[y, x + 19]
+
+
+def test_a_click_beyond_a_crop_is_seen_in_a_wider_one() -> None:
+    image, _, _, (x, y) = large(0)
+    far = [60, 60] if x > 600 else [1140, 740]
+    found = ffseg.segment(image, {"init.circles": [[x, y, 4]], "init.background": [[*far, 4]]})
+    assert found.mask[y, x]
+    assert not found.mask[far[1], far[0]]
+
+
+def test_all_alike_in_a_large_image() -> None:
+    pytest.importorskip("lightgbm")
+    image, truth, _, place = large(0)
+    assert iou(ffseg.segment(image, {"init.circles": [place], "region.islands": "all"}).mask, truth) > 0.8
+
+
+def test_a_wide_thing_is_seen_whole() -> None:
+    """Wider than the narrowest crop, in noise that leaves no edge clear."""
+    rows, columns = np.ogrid[:700, :1000]
+    thing = (rows - 350) ** 2 + (columns - 500) ** 2 <= 290**2
+    noisy = np.where(thing, 130, 90) + np.random.default_rng(0).normal(0, 30, thing.shape)
+    found = ffseg.segment(np.clip(noisy, 0, 255).astype(np.uint8), {"init.center": [500, 350]})
+    assert found.source == "prior"
+    assert iou(found.mask, np.where(thing, 255, 0).astype(np.uint8)) > 0.95
+    assert not any("closer" in one for one in found.messages)
+
+
+def test_a_look_that_cuts_what_it_finds_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    image, _, _, place = large(0)
+    monkeypatch.setattr(Crop, "cuts", lambda _, region: region.any())
+    assert not any("closer" in one for one in ffseg.segment(image, {"init.center": place}).messages)
+
+
+def test_crops_halve_round_a_place_and_stay_in_the_image() -> None:
+    assert [one.size for one in crops((3000, 4000), 2000, 1500)] == [(2000, 2000), (800, 800), (400, 400)]
+    assert [(one.left, one.top, one.right, one.bottom) for one in crops((600, 800), 790, 5)] == [(400, 0, 800, 400)]
+    assert [one.size for one in crops((1, 900), 450, 0)] == [(1, 800), (1, 400)]
+    assert list(crops(SHAPE, 5, 5)) == []
+
+
+def test_a_crop_in_its_image() -> None:
+    crop = Crop(2, 0, 6, 3, (5, 6))
+    part = np.arange(12, dtype=np.float32).reshape(crop.size)
+    whole = crop.in_whole(part, -1)
+    assert np.array_equal(whole[crop.rows_and_columns], part)
+    assert np.count_nonzero(whole == -1) == whole.size - part.size
+    inner = crop.inner_border(crop.size)
+    assert inner.tolist() == [[True, False, False, False], [True, False, False, False], [True] * 4]
+    assert not crop.cuts(~inner)
+    assert crop.cuts(inner)
+    assert crop.holds(3, 1, 1)  # what lies beyond the image needs no room
+    assert crop.holds(5, 0, 1)
+    assert not crop.holds(3, 1, 2)
+    assert not crop.holds(4, 2, 1)
