@@ -23,7 +23,7 @@ from ffseg.evidence.maps import odds_edges
 from ffseg.evidence.prior import appearance_of
 from ffseg.evidence.recent import Recent
 from ffseg.geometry.freeform import FreeForm
-from ffseg.image.appearance import WORKING_SIZE, reduction
+from ffseg.image.appearance import size_to_see
 from ffseg.image.edges import EdgeMap
 from ffseg.image.free import distances
 from ffseg.image.raster import rasterize
@@ -45,10 +45,6 @@ MIN_SHARE = 0.8
 RING, MIN_RING = 0.2, 2.0
 """Width of the ring that lies outside: in parts of the depth of what the first start holds, and reduced pixels at least. Wider
 ones hold other things: with .5 and 1 an IoU of .72 from two things was .70 and .65."""
-
-MIN_DEPTH, MAX_SIZE = 12.0, 1200
-"""Pixels from the rim of what the first start holds to its middle, in the reduced image: it is reduced less for that, to so many
-pixels a side at most. Nuclei in nine megapixels have an IoU of .80 from a box so, .25 reduced as images are elsewhere."""
 
 CACHED_TOLD = 2
 """What the forest tells of the reduced copy, without the last circle, which the hand moves: that only corrects it there."""
@@ -140,9 +136,8 @@ def alike_odds(scene: Scene, shown: Mask, inside: Mask, outside: Mask) -> Plane 
     -------
     ndarray of float32, shape (H, W), or None
     """
-    longest, depth = max(scene.shape), float(distances(shown).max())
-    factor = min(reduction(scene.shape), max(int(depth / MIN_DEPTH), -(-longest // MAX_SIZE), 1))
-    seen = appearance_of(scene, max(WORKING_SIZE, -(-longest // factor)))
+    depth = float(distances(shown).max())
+    seen = appearance_of(scene, size_to_see(scene.shape, depth))
     share, known, beyond = (reduced_mean(one.astype(np.float32), seen.factor) for one in (shown, inside, outside))
     apart = share <= 1 - MIN_SHARE
     away = distances(apart)

@@ -15,6 +15,11 @@ from ffseg.native import _core
 WORKING_SIZE = 400
 """Pixels: longest side at which features are computed; larger images are first reduced by an integer factor."""
 
+MIN_DEPTH, MAX_SIZE = 12.0, 1200
+"""Pixels from the rim to the middle of one of many things in the reduced image: it is reduced less for that, to so many pixels a
+side at most. Of nuclei in nine megapixels, all that look alike have an IoU of .80 from a box so, .25 reduced as images are
+elsewhere; in 2784x2080 a model from one mask has .89 for .71."""
+
 TEXTURE = (
     "light",
     "red",
@@ -108,6 +113,13 @@ class Appearance:
 def reduction(shape: tuple[int, ...], size: int = WORKING_SIZE) -> int:
     """The integer factor by which an image of this shape is reduced."""
     return max(1, -(-max(shape[:2]) // size))
+
+
+def size_to_see(shape: tuple[int, ...], depth: float) -> int:
+    """Pixels a side that the reduced image may have so that things of this depth, px, are seen `MIN_DEPTH` deep, or nearly."""
+    longest = max(shape[:2])
+    factor = min(reduction(shape), max(int(depth / MIN_DEPTH), -(-longest // MAX_SIZE), 1))
+    return max(WORKING_SIZE, -(-longest // factor))
 
 
 def reduced_shape(shape: tuple[int, ...], factor: int) -> tuple[int, int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,8 @@ from ffseg.errors import UsageError
 from ffseg.evidence.features import ALL_FEATURES, features, reduced_mean
 from ffseg.evidence.growing import MIN_IN_LEAF
 from ffseg.evidence.prior import prior
-from ffseg.image.appearance import WORKING_SIZE, Appearance
+from ffseg.image.appearance import WORKING_SIZE, Appearance, size_to_see
+from ffseg.image.free import distances
 from ffseg.image.parts import connected_parts
 from ffseg.metrics import IGNORED, INSIDE, OUTSIDE
 from ffseg.parameters import Parameters, click_radius
@@ -36,6 +38,11 @@ MIN_KNOWN = 0.5
 """Part of the pixels; masks that know less are scribbles: they say little of where the region ends, and each of their pixels
 counts. Where the rest of a mask is known, reduced pixels at the edge of what is not do harm: with them unseen road frames,
 learned from three masks, had a mean IoU of .801, without .810."""
+
+
+MIN_APART = 0.2
+"""Part of what masks have inside, in the mean, that lies apart from the largest component, from which on they mean all things of
+a kind: 0 in each of 47 photographs and 88 drawings of one thing, .96 in pictures of forty cells."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,28 +79,32 @@ class Samples:
         Log odds that the prior gives; None where it was not asked.
     apart : float
         Part of what its mask has inside that lies apart from the largest of its components.
+    size : int
+        Pixels a side that features were computed at.
     """
 
     rows: Floats
     inside: Mask
     prior: Floats | None = None
     apart: float = 0.0
+    size: int = WORKING_SIZE
 
 
-def samples_by_default(image: Image, truth: Image) -> Samples:
+def samples_by_default(image: Image, truth: Image, size: int = WORKING_SIZE) -> Samples:
     """Samples of an image and its truth, with starts drawn as `ffseg learn` draws them by default."""
-    return samples(Example(image, truth, None, Parameters().init.radius_in(truth.shape)))
+    return samples(Example(image, truth, None, Parameters().init.radius_in(truth.shape)), size)
 
 
-def samples(example: Example) -> Samples:
-    """Labelled pixels of an image, seen from several starts, each also mirrored.
+def samples(example: Example, size: int = WORKING_SIZE) -> Samples:
+    """Labelled pixels of an image at so many pixels a side, seen from several starts, each also mirrored.
 
     Raises
     ------
     UsageError
         If the mask knows no pixel inside, or none outside.
     """
-    rng, image = np.random.default_rng(0), Appearance(example.image)
+    rng, image = np.random.default_rng(0), Appearance(example.image, size)
+    usual = image if size == WORKING_SIZE else Appearance(example.image)
     rows, labels, odds = [], [], []
     for start in starts_in(example, rng):
         seen = features(image, start)
@@ -103,16 +114,16 @@ def samples(example: Example) -> Samples:
         found = seen.of_pixels(ALL_FEATURES, chosen)
         rows += [found, mirrored(found)]
         labels += [known.ravel()[chosen] > 0] * 2
-        odds += [reduced_mean(prior(image, start), seen.factor).ravel()[chosen]] * 2
+        odds += [reduced_mean(prior(usual, start), seen.factor).ravel()[chosen]] * 2
     inside = np.concatenate(labels) if labels else np.zeros(0, np.bool_)
     if inside.all() or not inside.any():
         side, level = ("outside", OUTSIDE) if inside.any() else ("inside", INSIDE)
         if (example.truth == level).any():
-            small = f": the image is seen at {WORKING_SIZE} pixels a side; cut it out"
+            small = f": the image is seen at {size} pixels a side; cut it out"
             why = small if image.factor > 1 else "; draw more of it"
             raise UsageError(f"what the mask knows {side} is too small or thin{why}, or leave it out")
         raise UsageError(unknown_side(side))
-    return Samples(np.concatenate(rows), inside, np.concatenate(odds), share_apart(example.truth))
+    return Samples(np.concatenate(rows), inside, np.concatenate(odds), share_apart(example.truth), size)
 
 
 def share_apart(truth: Image) -> float:
@@ -120,6 +131,24 @@ def share_apart(truth: Image) -> float:
     components = connected_parts(truth != OUTSIDE)
     areas = np.bincount(components.labels[truth == INSIDE])
     return 1 - float(areas.max()) / float(areas.sum())
+
+
+def size_of_things(truths: Sequence[Image]) -> int:
+    """Pixels a side that show the things of masks of many: half of them, in half of the masks, as `size_to_see` says.
+
+    Where masks mean one thing, or know little of where things end, it is as for all other evidence.
+    """
+    if not truths or np.mean([share_apart(one) for one in truths]) < MIN_APART:
+        return WORKING_SIZE
+    sizes = [WORKING_SIZE]
+    for truth in truths:
+        if np.count_nonzero(truth != IGNORED) >= MIN_KNOWN * truth.size:
+            inside = truth == INSIDE
+            parts, depths = connected_parts(inside), distances(inside)
+            deepest = np.zeros(parts.number, np.float32)
+            np.maximum.at(deepest, parts.labels[inside], depths[inside])
+            sizes.append(size_to_see(truth.shape, float(np.median(deepest[1:]))))
+    return int(np.median(sizes[1:] or sizes))
 
 
 def unknown_side(side: str, label: int | None = None) -> str:

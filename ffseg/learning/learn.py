@@ -24,7 +24,7 @@ from ffseg.image.edges import PRIOR_CALIBRATION, ScoreCalibration
 from ffseg.image.resized import copy_of
 from ffseg.io.files import printable
 from ffseg.io.tables import counted, without_nan
-from ffseg.learning.examples import Example, samples, starts_in
+from ffseg.learning.examples import Example, samples, size_of_things, starts_in
 from ffseg.learning.gather import MAX_SIDE, LabelledImage, TrainingSet, known_share, start_region
 from ffseg.learning.training import FOLDS, BaseChoice, PriorChoice, SampleSet, at_once, grown, learn
 from ffseg.metrics import IGNORED, INSIDE, iou
@@ -174,11 +174,12 @@ def learn_and_measure(
 def _sampled(gathered: TrainingSet, params: Parameters, tell: Tell) -> tuple[TrainingSet, SampleSet]:
     """Samples of the images whose masks show enough of both sides, and the set without the others."""
     labelled, chosen, refused = list[LabelledImage](), [], list[UsageError]()
+    size = size_of_things([one.truth for one in gathered.labelled])
     for one in gathered.labelled:
         tell(f"looking at {printable(one.name)}")
         try:
             radius = smaller(params, one.factor).init.radius_in(one.image.shape)
-            seen = samples(Example(one.image, one.truth, one.start, radius))
+            seen = samples(Example(one.image, one.truth, one.start, radius), size)
             chosen.append(replace(seen, apart=1.0) if params.region.islands == "all" else seen)
             labelled.append(one)
         except UsageError as error:
@@ -309,8 +310,7 @@ def _curve(labelled: Sequence[LabelledImage], chosen: SampleSet) -> tuple[tuple[
     for place, (one, asked) in enumerate(zip(labelled, tests, strict=True)):
         if one.start is None or not asked:
             continue
-        image = Appearance(one.image)
-        seen, odds = features(image, one.start), prior(image, one.start)
+        seen, odds = features(Appearance(one.image, chosen.size), one.start), prior(Appearance(one.image), one.start)
         for number, model in asked:
             found.append((number, place, _contoured(one, one.params, model.map(seen, odds), parts=model.parts).iou))
     return levelled(found)

@@ -16,7 +16,7 @@ from ffseg.evidence.base import base, enough_of, joined, mean_overlap, odds_of
 from ffseg.evidence.features import ALL_FEATURES, PLACE_FEATURES, TEXTURE_FEATURES
 from ffseg.evidence.forest import Forest, Model
 from ffseg.evidence.growing import SETTINGS, boosted, leaf_size
-from ffseg.learning.examples import Samples
+from ffseg.learning.examples import MIN_APART, Samples
 from ffseg.plugins import require_lightgbm
 
 T = TypeVar("T")
@@ -40,10 +40,6 @@ FOLDS = 10
 SUBSAMPLING = 5
 """Every fifth pixel is enough to see how well masks teach each other, so many starts lie one behind another; of more masks than
 are left out one by one, fewer of each."""
-
-MIN_APART = 0.2
-"""Part of what masks have inside, in the mean, that lies apart from the largest component, from which on they mean all things of
-a kind: 0 in each of 47 photographs and 88 drawings of one thing, .96 in pictures of forty cells."""
 
 STARTLESS_FEATURES = (*TEXTURE_FEATURES, *PLACE_FEATURES[:2])
 """Features that need no start."""
@@ -78,6 +74,11 @@ class SampleSet:
         return float(np.mean([one.apart for one in self.images])) >= MIN_APART
 
     @property
+    def size(self) -> int:
+        """Pixels a side that features were computed at."""
+        return self.images[0].size
+
+    @property
     def inside(self) -> list[Mask]:
         """Labels of the pixels of each image."""
         return [one.inside for one in self.images]
@@ -102,7 +103,7 @@ class SampleSet:
         few = slice(None, None, SUBSAMPLING * -(-len(self) // FOLDS))
         priors = [None if one.prior is None else one.prior[few] for one in self.images]
         both = zip(self.images, priors, strict=True)
-        return SampleSet([Samples(one.rows[few], one.inside[few], prior) for one, prior in both])
+        return SampleSet([replace(one, rows=one.rows[few], inside=one.inside[few], prior=prior) for one, prior in both])
 
     @property
     def base_odds(self) -> list[Floats]:
@@ -270,7 +271,7 @@ def grown(chosen: SampleSet, trees: int = TREES) -> Model:
     said = None if prior_choice is None else asdict(prior_choice)
     about = {"base": asdict(base_choice), "prior": said, "parts": chosen.parts}
     weight = PRIOR_WEIGHT if prior_choice is not None and prior_choice.asked else 0.0
-    return Model(inside, None, about=about, exposed=True, prior=weight)
+    return Model(inside, None, chosen.size, about=about, exposed=True, prior=weight)
 
 
 def grow_inside(chosen: SampleSet, trees: int = TREES) -> tuple[Forest, BaseChoice]:

@@ -23,7 +23,7 @@ import ffseg
 from ffseg.evidence.forest import to_bytes
 from ffseg.image.parts import connected_parts
 from ffseg.learning.drawn.clicks import Clicks
-from ffseg.learning.examples import samples_by_default
+from ffseg.learning.examples import samples_by_default, size_of_things
 from ffseg.learning.training import SampleSet, learn
 from ffseg.metrics import INSIDE, iou
 from ffseg.parameters import Parameters, click_radius
@@ -171,7 +171,9 @@ def main(
             print(f"| {kind} | none, a place in each | {mean(map(_from_places, drawn)):.3f} | | | | |")
             for count in map(int, masks.split(",") if kind in LEARNED else ()):
                 path = Path(folder) / f"{kind}{count}.ffmodel"
-                path.write_bytes(to_bytes(learn(SampleSet([samples_by_default(*one) for one in drawn[:count]]))))
+                size = size_of_things([truth for _, truth in drawn[:count]])
+                known = SampleSet([samples_by_default(*one, size) for one in drawn[:count]])
+                path.write_bytes(to_bytes(learn(known)))
                 params = ffseg.load_params(None, {"edges.model": str(path)})
                 print(f"| {kind} | {count} |", _means([_overlaps(one, params) for one in drawn[count:]]))
 

@@ -8,8 +8,9 @@ from commands import Command
 
 import ffseg
 from ffseg.evidence.forest import to_bytes
+from ffseg.image.appearance import WORKING_SIZE, size_to_see
 from ffseg.image.parts import connected_parts
-from ffseg.learning.examples import Example, samples, share_apart
+from ffseg.learning.examples import Example, samples, share_apart, size_of_things
 from ffseg.learning.training import SampleSet, learn
 from ffseg.metrics import iou
 from tests.many_things import SHAPE, cells, deepest, disc
@@ -48,6 +49,40 @@ def test_a_model_of_one_thing_takes_one() -> None:
     assert one.about["base"]["corrected"]
     assert one.about["prior"]["asked"]
     assert [many.about["base"]["corrected"], many.about["prior"]["asked"]] == [False, False]
+
+
+def test_models_of_small_things_see_them_less_reduced(tmp_path: Path) -> None:
+    """Cells 10 px deep in a picture of 1200: at 400 pixels a side they are 3 px deep."""
+
+    def many(seed: int) -> tuple[np.ndarray, np.ndarray]:
+        tiles = [[cells(100 * seed + 10 * row + column) for column in range(5)] for row in range(5)]
+        image, truth = (np.vstack([np.hstack([tile[k] for tile in row]) for row in tiles]) for k in (0, 1))
+        noisy = image + np.random.default_rng(seed).normal(0, 40, image.shape)
+        return np.clip(noisy, 0, 255).astype(np.uint8), truth
+
+    pytest.importorskip("lightgbm")
+    (image, truth), other = many(0), many(1)
+    overlaps = {}
+    for size in (WORKING_SIZE, size_of_things([truth])):
+        model = learn(SampleSet([samples(Example(image, truth, None, 8.0), size)]))
+        (tmp_path / "cells.ffmodel").write_bytes(to_bytes(model))
+        assert model.size == size
+        overlaps[size] = iou(ffseg.segment(other[0], {"edges.model": str(tmp_path / "cells.ffmodel")}).mask, other[1])
+    usual, seen = overlaps
+    assert seen == 1200
+    assert overlaps[seen] > max(0.8, overlaps[usual] + 0.05)
+
+
+def test_the_size_at_which_things_are_seen() -> None:
+    one = np.where(disc(120, 80, 30), np.uint8(255), np.uint8(0))
+    assert size_of_things([]) == size_of_things([np.tile(one, (1, 1))]) == WORKING_SIZE
+    large = np.tile(np.where(disc(120, 80, 30), np.uint8(255), np.uint8(0)), (8, 6))  # 1440 px wide, 31 px deep
+    assert size_of_things([large]) == 720
+    assert size_of_things([large, one, large]) == 720
+    scribbled = np.where(large > 0, np.uint8(255), np.uint8(128))
+    scribbled[::40] = 0
+    assert size_of_things([scribbled]) == WORKING_SIZE, "a scribble says nothing of how deep a thing is"
+    assert size_to_see((9000, 12000), 8.0) == 1200
 
 
 def test_what_lies_apart_in_a_mask() -> None:
