@@ -81,7 +81,7 @@ _NAMES = {
     "ffseg.api": "segment",
     "ffseg.picking.notebook": "pick Picking",
     "ffseg.parameter_files": "ParametersLike load_params presets",
-    "ffseg.parameters": ("Parameters Contour Edges Init Input Domain Obstacles Snake LevelSet Paper Region Network"),
+    "ffseg.parameters": "Parameters Contour Edges Init Input Domain Obstacles Snake LevelSet Paper Region Network",
     "ffseg.result": "Segmentation Timings",
     "ffseg.scene": "Stats Progress Segmenter Outcome Scene",
     "ffseg.plugins": "Method",

@@ -21,6 +21,14 @@ def cells(seed: int) -> tuple[np.ndarray, np.ndarray]:
     return np.clip(image, 0, 255).astype(np.uint8), truth
 
 
+def large(seed: int, noise: float) -> tuple[np.ndarray, np.ndarray]:
+    """25 such pictures beside one another, 1200 px wide, in further noise of this standard deviation, and their mask."""
+    tiles = [[cells(100 * seed + 10 * row + column) for column in range(5)] for row in range(5)]
+    image, truth = (np.vstack([np.hstack([tile[k] for tile in row]) for row in tiles]) for k in (0, 1))
+    noisy = image + np.random.default_rng(seed).normal(0, noise, image.shape)
+    return np.clip(noisy, 0, 255).astype(np.uint8), truth
+
+
 def deepest(truth: np.ndarray) -> list[int]:
     """The pixel deepest in a mask, x and y."""
     row, column = np.unravel_index(int(distances(truth > 0).argmax()), truth.shape)

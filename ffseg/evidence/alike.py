@@ -108,9 +108,10 @@ def _narrowed(
     if scene.boxes or scene.start_mask is not None or named[0] or begun == first.starts:
         return scene, further
     radius = as_circle(begun[0]).radius
-    circles = ((one.x, one.y, min(one.radius, radius)) for one in map(as_circle, further))
-    narrow = (circle_start(circle, scene.params) for circle in circles)
-    further = tuple(own if wide else less for own, less, wide in zip(further, narrow, named[1:], strict=True))
+    further = tuple(
+        one if wide else circle_start((circle.x, circle.y, min(circle.radius, radius)), scene.params)
+        for one, circle, wide in zip(further, map(as_circle, further), named[1:], strict=True)
+    )
     return replace(scene, starts=(*begun, *further)), further
 
 

@@ -273,7 +273,7 @@ def _found(
     if whole.base is None and scene.pointed and whole.factor > 1:
         from ffseg.evidence.closer import crops_from, first_crop, seen_in
 
-        narrowest = _crops.get(whole.key, partial(first_crop, scene))
+        narrowest = _crops.get(whole.key, partial(first_crop, scene, whole.appearance))
         discs = [(one.x, one.y, one.radius) for one in (*circles, *points)]
         for crop in () if narrowest is None else crops_from(narrowest, scene.starts[0], discs):
             seen = whole.closer(seen_in(crop, scene), crop)

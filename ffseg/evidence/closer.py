@@ -132,11 +132,11 @@ def closer_looks(scene: Scene) -> Iterator[CloserLook]:
             yield look
 
 
-def first_crop(scene: Scene) -> Crop | None:
-    """The crop of the look at the first start that counts; None if that is of the whole image."""
+def first_crop(scene: Scene, appearance: Appearance) -> Crop | None:
+    """The crop of the look at the first start that counts; None if that is of the whole image, which looks so."""
     init = replace(scene.params.init, circles=scene.params.init.circles[:1])
     first = replace(scene, starts=scene.starts[:1], params=replace(scene.params, init=init))
-    whole = look_at(first, appearance_of(first))
+    whole = look_at(first, appearance)
     looks = [*closer_looks(first), *([] if whole is None else [whole])]
     best = max(looks, key=attrgetter("promised"), default=None)
     return best.crop if isinstance(best, CloserLook) else None

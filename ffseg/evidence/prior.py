@@ -123,11 +123,6 @@ class PriorView:
         whole[starts] = MAX_LOG_ODDS
         return whole
 
-    def region(self, level: float) -> Mask:
-        """What hangs together with the start in the region that ends at these log odds, at every `STRIDE`-th pixel."""
-        inside = strided(self.seen.inside) > 0
-        return parts_holding((self.cautious_odds > level) | inside, inside)
-
 
 def prior_view(image: Appearance, starts: Mask) -> PriorView:
     """The input of the forest."""
@@ -210,7 +205,8 @@ class Look:
     @cached_property
     def region(self) -> Mask:
         """Where it ends, as far as it hangs together with the start, at every `STRIDE`-th reduced pixel."""
-        return self.view.region(self.level)
+        inside = strided(self.view.seen.inside) > 0
+        return parts_holding((self.view.cautious_odds > self.level) | inside, inside)
 
     @cached_property
     def promised(self) -> float:

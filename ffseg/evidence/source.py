@@ -19,7 +19,7 @@ from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import LEVEL, at_level, certain_odds, evidence_edges, probability, strength_edges
 from ffseg.evidence.prior import appearance_of, prior
 from ffseg.evidence.recent import Recent
-from ffseg.image.appearance import WORKING_SIZE, Appearance
+from ffseg.image.appearance import Appearance
 from ffseg.image.checked import require_size
 from ffseg.image.edges import PRIOR_CALIBRATION, EdgeMap, ScoreCalibration
 from ffseg.image.parts import connected_parts
@@ -120,8 +120,7 @@ def model_odds(model: Model, image: Appearance, start: Mask) -> Plane:
     seen = features(image, start)
     if not model.prior:
         return model.map(seen)
-    alike = image.even and image.size == WORKING_SIZE
-    return model.map(seen, prior(image if alike else Appearance(image.image), start))
+    return model.map(seen, prior(image.usual, start))
 
 
 def _network_map(scene: Scene, path: str) -> Plane:

@@ -71,6 +71,11 @@ class Appearance:
         return reduced_shape(self.image.shape, self.factor)
 
     @property
+    def usual(self) -> Appearance:
+        """The same image as the prior sees it: this one, if that is so."""
+        return self if self.even and self.size == WORKING_SIZE else Appearance(self.image)
+
+    @property
     def _shown(self) -> Image:
         """The whole image as it is seen, made anew: kept, it would take as much room as the image."""
         return np.ascontiguousarray(normalised_exposure(self.image) if self.even else self.image)

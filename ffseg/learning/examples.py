@@ -104,7 +104,7 @@ def samples(example: Example, size: int = WORKING_SIZE) -> Samples:
         If the mask knows no pixel inside, or none outside.
     """
     rng, image = np.random.default_rng(0), Appearance(example.image, size)
-    usual = image if size == WORKING_SIZE else Appearance(example.image)
+    usual = image.usual
     rows, labels, odds = [], [], []
     for start in starts_in(example, rng):
         seen = features(image, start)

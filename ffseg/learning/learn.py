@@ -310,7 +310,8 @@ def _curve(labelled: Sequence[LabelledImage], chosen: SampleSet) -> tuple[tuple[
     for place, (one, asked) in enumerate(zip(labelled, tests, strict=True)):
         if one.start is None or not asked:
             continue
-        seen, odds = features(Appearance(one.image, chosen.size), one.start), prior(Appearance(one.image), one.start)
+        image = Appearance(one.image, chosen.size)
+        seen, odds = features(image, one.start), prior(image.usual, one.start)
         for number, model in asked:
             found.append((number, place, _contoured(one, one.params, model.map(seen, odds), parts=model.parts).iou))
     return levelled(found)

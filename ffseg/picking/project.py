@@ -166,10 +166,7 @@ class Project:
 
     def shows_many(self) -> bool:
         """Whether the mask of an accepted image shows many things, as `ffseg learn` takes it."""
-        from ffseg.learning.examples import (
-            MIN_APART,
-            share_apart,  # these load forests, which no page waits for
-        )
+        from ffseg.learning.examples import MIN_APART, share_apart  # loads forests, which no page waits for
 
         names = self.journal.names(lambda track: track.now.status == "accepted")
         masks = [mask for name in names if (mask := self.mask(name)) is not None]

@@ -95,10 +95,9 @@ def click_in_parted(scene: Scene) -> tuple[Scene, str] | None:
     A circle of that radius may hold a small thing whole. What lies in the middle of an image, or of a mirror, nobody points at.
     """
     init, (wide, *others) = scene.params.init, scene.starts
-    pointed = init.center != "auto" and not (init.circles or others or scene.has_hints or scene.start_mask is not None)
+    alone = scene.pointed and scene.disc is None and not (init.circles or others or scene.has_hints)
     radius, click = init.radius_in(scene.shape), click_radius(scene.shape)
-    grows = scene.params.contour.balloon >= 0 and scene.disc is None
-    if init.radius != "auto" or not (pointed and grows) or click >= radius:
+    if init.radius != "auto" or not alone or click >= radius:
         return None
     x, y = wide.control_points.mean(axis=0).tolist()
     window, corner = _window(Circle(x, y, radius), radius + EDGE_REACH)

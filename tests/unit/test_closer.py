@@ -6,34 +6,25 @@ import pytest
 import ffseg
 from ffseg.evidence import closer
 from ffseg.evidence.closer import Crop, crops
-from ffseg.image.free import distances
 from ffseg.image.parts import connected_parts
 from ffseg.metrics import iou
-from tests.many_things import SHAPE, cells
+from tests.many_things import SHAPE, deepest, large
 
-TILES, NOISE = 5, 20
-"""Tiles a side, and grey levels that leave no edge clear: cells are 3 px deep in the reduced image, in which they do not show."""
+NOISE = 20
+"""Grey levels that leave no edge clear: cells are 3 px deep in the reduced image, in which they do not show."""
 
 
-def large(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[int]]:
+def pointed_at(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[int]]:
     """A picture of hundreds of cells, masks of all and of one near the middle, and that one's deepest pixel."""
-    tiles = [[cells(100 * seed + 10 * row + column) for column in range(TILES)] for row in range(TILES)]
-    image, truth = (np.vstack([np.hstack([tile[k] for tile in row]) for row in tiles]) for k in (0, 1))
-    noisy = image + np.random.default_rng(seed).normal(0, NOISE, image.shape)
+    image, truth = large(seed, NOISE)
     parts = connected_parts(truth == 255)
-    one = parts.labels == parts.number // 2
-    row, column = np.unravel_index(int(distances(one).argmax()), one.shape)
-    return (
-        np.clip(noisy, 0, 255).astype(np.uint8),
-        truth,
-        np.where(one, 255, 0).astype(np.uint8),
-        [int(column), int(row)],
-    )
+    one = np.where(parts.labels == parts.number // 2, np.uint8(255), np.uint8(0))
+    return image, truth, one, deepest(one)
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_place_finds_a_small_thing(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    image, _, truth, place = large(seed)
+    image, _, truth, place = pointed_at(seed)
     found = ffseg.segment(image, {"init.center": place})
     assert iou(found.mask, truth) > 0.8
     x, y = place
@@ -43,7 +34,7 @@ def test_a_place_finds_a_small_thing(seed: int, monkeypatch: pytest.MonkeyPatch)
 
 
 def test_a_radius_that_is_named_and_wide_is_what_is_meant(monkeypatch: pytest.MonkeyPatch) -> None:
-    image, _, _, place = large(0)
+    image, _, _, place = pointed_at(0)
     monkeypatch.setattr(closer, "prior_view", pytest.fail)
     wide = ffseg.segment(image, {"init.center": place, "init.radius": 40})
     middle = ffseg.segment(image)
@@ -51,7 +42,7 @@ def test_a_radius_that_is_named_and_wide_is_what_is_meant(monkeypatch: pytest.Mo
 
 
 def test_clicks_go_on_in_what_is_seen_closer() -> None:
-    image, _, truth, (x, y) = large(0)
+    image, _, truth, (x, y) = pointed_at(0)
     inside, outside = [[x, y, 4], [x + 3, y, 2]], [[x + 19, y, 4]]
     for params in ({"init.circles": inside}, {"init.circles": inside[:1], "init.background": outside}):
         found = ffseg.segment(image, params)
@@ -62,7 +53,7 @@ def test_clicks_go_on_in_what_is_seen_closer() -> None:
 
 
 def test_a_click_beyond_a_crop_is_seen_in_a_wider_one() -> None:
-    image, _, _, (x, y) = large(0)
+    image, _, _, (x, y) = pointed_at(0)
     far = [60, 60] if x > 600 else [1140, 740]
     found = ffseg.segment(image, {"init.circles": [[x, y, 4]], "init.background": [[*far, 4]]})
     assert found.mask[y, x]
@@ -71,7 +62,7 @@ def test_a_click_beyond_a_crop_is_seen_in_a_wider_one() -> None:
 
 def test_all_alike_in_a_large_image() -> None:
     pytest.importorskip("lightgbm")
-    image, truth, _, place = large(0)
+    image, truth, _, place = pointed_at(0)
     assert iou(ffseg.segment(image, {"init.circles": [place], "region.islands": "all"}).mask, truth) > 0.8
 
 
@@ -87,7 +78,7 @@ def test_a_wide_thing_is_seen_whole() -> None:
 
 
 def test_a_look_that_cuts_what_it_finds_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    image, _, _, place = large(0)
+    image, _, _, place = pointed_at(0)
     monkeypatch.setattr(Crop, "cuts", lambda _, region: region.any())
     assert not any("closer" in one for one in ffseg.segment(image, {"init.center": place}).messages)
 

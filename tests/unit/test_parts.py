@@ -13,7 +13,7 @@ from ffseg.image.parts import connected_parts
 from ffseg.learning.examples import Example, samples, share_apart, size_of_things
 from ffseg.learning.training import SampleSet, learn
 from ffseg.metrics import iou
-from tests.many_things import SHAPE, cells, deepest, disc
+from tests.many_things import SHAPE, cells, deepest, disc, large
 from tests.masks import read_mask, write_image
 
 
@@ -53,15 +53,8 @@ def test_a_model_of_one_thing_takes_one() -> None:
 
 def test_models_of_small_things_see_them_less_reduced(tmp_path: Path) -> None:
     """Cells 10 px deep in a picture of 1200: at 400 pixels a side they are 3 px deep."""
-
-    def many(seed: int) -> tuple[np.ndarray, np.ndarray]:
-        tiles = [[cells(100 * seed + 10 * row + column) for column in range(5)] for row in range(5)]
-        image, truth = (np.vstack([np.hstack([tile[k] for tile in row]) for row in tiles]) for k in (0, 1))
-        noisy = image + np.random.default_rng(seed).normal(0, 40, image.shape)
-        return np.clip(noisy, 0, 255).astype(np.uint8), truth
-
     pytest.importorskip("lightgbm")
-    (image, truth), other = many(0), many(1)
+    (image, truth), other = large(0, 40), large(1, 40)
     overlaps = {}
     for size in (WORKING_SIZE, size_of_things([truth])):
         model = learn(SampleSet([samples(Example(image, truth, None, 8.0), size)]))
