@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ffseg.arrays import Mask, Plane
+from ffseg.contour import contour, tried
 from ffseg.evidence import hints, prior
 from ffseg.evidence.features import enlarged, reduced_mean
 from ffseg.evidence.gradient import gradient
@@ -26,7 +27,7 @@ from ffseg.evidence.maps import expected_overlap, log_odds, odds_edges
 from ffseg.evidence.prior import MAX_LOG_ODDS, appearance_of
 from ffseg.evidence.recent import Recent, digest_of
 from ffseg.evidence.surroundings import STRIDE, strided
-from ffseg.image.appearance import Appearance, reduced_shape
+from ffseg.image.appearance import Appearance, reduced_shape, reduction
 from ffseg.image.edges import PRIOR_CALIBRATION, EdgeMap, ScoreCalibration
 from ffseg.image.free import distances
 from ffseg.image.opencv_peers import dilated_by_disc
@@ -40,7 +41,7 @@ from ffseg.starts.parts import start_core
 from ffseg.starts.rivals import add_disc, disc_of, seeds
 
 if TYPE_CHECKING:
-    from ffseg.evidence.closer import Crop
+    from ffseg.evidence.closer import Crop, Crops
 
 CLICK_REACH = 4.0
 """Radius within which a click counts, in units of its depth: the distance from the click to the nearest pixel of its side."""
@@ -56,7 +57,7 @@ samples, which the prior sees at once: a hundred discs in noise take a thirtieth
 
 HALF = 0.5
 
-CACHED_STATES = 32
+CACHED_STATES = 64
 """States kept in memory, of the current image and the one before, so that one more click does not repeat the earlier ones."""
 
 
@@ -69,10 +70,6 @@ class Click:
     radius: float
     inside: bool
     after: float | None = None
-
-    def seen_in(self, crop: Crop) -> Click:
-        """The same where a crop begins at (0, 0)."""
-        return replace(self, x=self.x - crop.left, y=self.y - crop.top)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,13 +102,6 @@ class ClickedImage:
     within: Mask | None
     ask: Callable[[Mask], Plane] | None = None
     parts: bool = False
-
-    def closer(self, appearance: Appearance, crop: Crop) -> ClickedImage:
-        """What is known of a crop of the image, which looks so; there must be no base."""
-        part = crop.rows_and_columns
-        inside, outside = self.inside[part], self.outside[part]
-        limits = None if self.within is None else self.within[part]
-        return replace(self, appearance=appearance, inside=inside, outside=outside, within=limits)
 
     @property
     def factor(self) -> int:
@@ -229,61 +219,127 @@ def with_clicks(
     SegmentationError
         If a click outside lies in the start region or beyond the image.
     """
-    params, limits = scene.params, scene.disc if scene.domain is None else scene.domain
-    parts = params.region.islands == "all"
-    level, points = log_odds(params.region.probability), params.init.background
+    level = log_odds(scene.params.region.probability)
     if scene.boxes and base is not None:
         scene = _in_boxes(scene, base - np.float32(level))
-    inside = start_core(scene)
-    outside = seeds(points, inside, scene.background)
-    within = None if limits is None else limits > 0
-    if within is not None:
-        inside &= within
-    first, circles = _first(scene, inside)
-    if base is None and len(circles) >= MOST_CORRECTIONS and not scene.clicked_outside:
-        first, circles = inside, []
-    if base is not None and not (scene.boxes or parts) and first.any() and base[first].max() <= level:
-        base, ask, calibration = None, None, PRIOR_CALIBRATION
-    odds, kept = base, None
-    if first.any():
-        beyond = np.zeros_like(inside) if scene.background is None else scene.background > 0
-        whole = ClickedImage(appearance_of(scene), first, beyond, base, level, within, ask, parts)
-        outer = [_outside(point, scene.shape) for point in points]
-        found = _found(scene, whole, circles, outer)
-        if found is not None:
-            odds, kept = found
-            odds[dilated_by_disc(inside, HELD_RADIUS)] = MAX_LOG_ODDS
-            odds[outside], odds[inside] = -MAX_LOG_ODDS, MAX_LOG_ODDS
-    if odds is None:
+    if base is not None and not (scene.boxes or scene.params.region.islands == "all"):
+        first, _ = _first(scene, _core(scene)[0])
+        if first.any() and base[first].max() <= level:
+            base, ask, calibration = None, None, PRIOR_CALIBRATION
+    asked, said = scene, ""
+    if base is None and scene.pointed and not scene.boxes and reduction(scene.shape) > 1:
+        scene, said, found = _seen_closer(scene)
+    else:
+        found = _told(scene, base, ask, samples=base is None and _are_samples(scene))
+    core, _ = _core(scene)
+    outside = seeds(scene.params.init.background, core, scene.background)
+    if found is None:
         return own
-    edges = odds_edges(odds, params.region.probability, own, "hints")
+    odds = found.odds
+    odds[dilated_by_disc(core, HELD_RADIUS)] = MAX_LOG_ODDS
+    odds[outside], odds[core] = -MAX_LOG_ODDS, MAX_LOG_ODDS
+    edges = odds_edges(odds, scene.params.region.probability, own, "hints")
     if edges is own:
         return own
-    corrections = len(circles) + len(points) + (scene.background is not None)
-    edges = replace(edges, kept=kept, calibration=calibration.after(corrections))
-    if not outside.any():
+    edges = replace(edges, kept=found.kept, calibration=calibration.after(found.corrections))
+    if outside.any():
+        edges = replace(edges, domain=np.where(~outside, np.uint8(255), np.uint8(0)))
+    if scene.starts == asked.starts:
         return edges
-    return replace(edges, domain=np.where(~outside, np.uint8(255), np.uint8(0)))
+    return tried(contour(replace(scene, edges=edges, callback=None)), said)
 
 
-def _found(
-    scene: Scene, whole: ClickedImage, circles: Sequence[Click], points: Sequence[Click]
-) -> tuple[Plane, Mask] | None:
-    """Log odds and region at the size of the image: as a crop shows them, if what the first start shows is small."""
-    if whole.base is None and scene.pointed and whole.factor > 1:
-        from ffseg.evidence.closer import crops_from, first_crop, seen_in
+@dataclass(frozen=True, slots=True, eq=False)
+class Told:
+    """What clicks tell of an image.
 
-        narrowest = _crops.get(whole.key, partial(first_crop, scene, whole.appearance))
-        discs = [(one.x, one.y, one.radius) for one in (*circles, *points)]
-        for crop in () if narrowest is None else crops_from(narrowest, scene.starts[0], discs):
-            seen = whole.closer(seen_in(crop, scene), crop)
-            there = [[one.seen_in(crop) for one in clicks] for clicks in (circles, points)]
-            state = state_after_all(seen, *there)
-            if state is not None and not crop.cuts(state.stays):
-                odds, kept = _at_full_size(seen, state)
-                return crop.in_whole(odds, -MAX_LOG_ODDS), crop.in_whole(kept, False)
-    state = state_after_all(whole, circles, points)
-    return None if state is None else _at_full_size(whole, state)
+    Attributes
+    ----------
+    odds : ndarray of float32, shape (H, W)
+        Log odds of inside.
+    kept : ndarray of bool, shape (H, W)
+        The region.
+    corrections : int
+        Clicks beside the first, which have corrected what it shows or shown more.
+    """
+
+    odds: Plane
+    kept: Mask
+    corrections: int
+
+
+def _are_samples(scene: Scene) -> bool:
+    """Whether circles show what is inside all at once, and none corrects what another shows."""
+    return len(scene.params.init.circles) > MOST_CORRECTIONS and not scene.clicked_outside
+
+
+def _told(
+    scene: Scene,
+    base: Plane | None = None,
+    ask: Callable[[Mask], Plane] | None = None,
+    *,
+    samples: bool = False,
+) -> Told | None:
+    """What all clicks tell; None if none lies inside, or both sides show the same colours and there is no base."""
+    inside, within = _core(scene)
+    first, circles = (inside, []) if samples else _first(scene, inside)
+    points = [_outside(point, scene.shape) for point in scene.params.init.background]
+    if not first.any():
+        return None
+    beyond = np.zeros_like(first) if scene.background is None else scene.background > 0
+    level, parts = log_odds(scene.params.region.probability), scene.params.region.islands == "all"
+    clicked = ClickedImage(appearance_of(scene), first, beyond, base, level, within, ask, parts)
+    state = state_after_all(clicked, circles, points)
+    more = len(scene.params.init.circles) - 1 if samples else len(circles)
+    corrections = more + len(points) + (scene.background is not None)
+    return None if state is None else Told(*_at_full_size(clicked, state), corrections)
+
+
+def _seen_closer(scene: Scene) -> tuple[Scene, str, Told | None]:
+    """What all clicks tell in crops or, if they lie in several, in the whole image, whichever promises more.
+
+    With the scene, in crops with what has no radius as clicks of these, and with what to say of that.
+    """
+    from ffseg.evidence.closer import as_seen, crops_of_starts
+
+    seen, level = crops_of_starts(scene), np.float32(log_odds(scene.params.region.probability))
+    closer, said = as_seen(scene, seen)
+    looks = [(closer, said, _told_closer(closer, seen))]
+    if len(set(seen)) > 1:
+        looks.append((scene, "", _told(scene, samples=_are_samples(scene))))
+    return max(looks, key=lambda look: 0 if look[2] is None else expected_overlap(look[2].odds - level, look[2].kept))
+
+
+def _told_closer(scene: Scene, seen: Sequence[Crops]) -> Told | None:
+    """What all clicks tell, each in the crop that its start is seen in, or in the first wider one that does not cut that."""
+    from ffseg.evidence.closer import part_with
+
+    samples = _are_samples(scene)
+    found: list[tuple[Crop | None, Told | None]] = []
+    whole = [number for number, crops in enumerate(seen) if not crops]
+    for crops in dict.fromkeys(filter(None, seen)):
+        here = [number for number, one in enumerate(seen) if one == crops]
+        looks = ((crop, _told(part_with(scene, here, crop), samples=samples)) for crop in crops)
+        look = next(((crop, told) for crop, told in looks if told is not None and not crop.cuts(told.kept)), None)
+        if look is None:
+            whole += here
+        else:
+            found.append(look)
+    if whole:
+        found.append((None, _told(part_with(scene, sorted(whole)), samples=samples)))
+    return _joined([(crop, told) for crop, told in found if told is not None], scene.shape)
+
+
+def _joined(found: Sequence[tuple[Crop | None, Told]], shape: tuple[int, int]) -> Told | None:
+    """What is told of crops, or of the whole image, as one."""
+    if not found:
+        return None
+    odds, kept = np.full(shape, -MAX_LOG_ODDS, np.float32), np.zeros(shape, np.bool_)
+    for crop, told in found:
+        part = (...,) if crop is None else crop.rows_and_columns
+        np.maximum(odds[part], told.odds, out=odds[part])
+        kept[part] |= told.kept
+    return Told(odds, kept, sum(told.corrections for _, told in found))
 
 
 def _in_boxes(scene: Scene, odds: Plane) -> Scene:
@@ -298,6 +354,13 @@ def _in_boxes(scene: Scene, odds: Plane) -> Scene:
 
 def _outside(point: Seed, shape: tuple[int, int]) -> Click:
     return Click(*disc_of(point, shape), False, point[3] if len(point) == 4 else None)
+
+
+def _core(scene: Scene) -> tuple[Mask, Mask | None]:
+    """Pixels of the domain that show what is inside, and those of the domain; None means all."""
+    limits, inside = scene.disc if scene.domain is None else scene.domain, start_core(scene)
+    within = None if limits is None else limits > 0
+    return inside if within is None else inside & within, within
 
 
 def _first(scene: Scene, inside: Mask) -> tuple[Mask, list[Click]]:
@@ -336,7 +399,6 @@ def _next_side(next_ones: Sequence[Click], depths: Sequence[float]) -> int:
 
 
 _states = Recent[ClickState | None](CACHED_STATES)
-_crops = Recent["Crop | None"](CACHED_STATES)
 _views = Recent[prior.PriorView](1)
 
 

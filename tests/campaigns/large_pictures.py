@@ -3,9 +3,11 @@
 Pictures of stained nuclei and of leaves among stones, put beside one another, once, four and sixteen times; one thing of each is
 meant. Prints the mean IoU from its deepest place and from any in it, none with a radius; after one, three and six clicks in the
 middle of the largest error; and of all things: those that look alike from the deepest place, and what a model of the first
-picture's mask tells of the others.
+picture's mask tells of the others. Where there are twelve things, also of twelve from the deepest place in
+each, and from any.
 """
 
+from math import nan
 from pathlib import Path
 from statistics import mean
 from tempfile import TemporaryDirectory
@@ -16,6 +18,7 @@ import typer
 from numpy.typing import NDArray
 
 import ffseg
+from ffseg.arrays import Image
 from ffseg.evidence.forest import to_bytes
 from ffseg.image.free import distances
 from ffseg.image.parts import connected_parts
@@ -27,6 +30,7 @@ from tests.campaigns import harness
 from tests.campaigns.all_things import KINDS, LEARNED, Drawn, after_clicks
 
 MOST_SIDE = 4
+PLACES = 12
 
 
 def mosaic(kind: str, seed: int, side: int) -> Drawn:
@@ -39,14 +43,39 @@ def mosaic(kind: str, seed: int, side: int) -> Drawn:
 def _overlaps(drawn: Drawn, seed: int) -> list[float]:
     (image, every), rng = drawn, np.random.default_rng(seed)
     parts = connected_parts(every == INSIDE)
-    one = parts.labels == rng.choice(np.flatnonzero(parts.areas >= MIN_PIXELS))
+    things = np.flatnonzero(parts.areas >= MIN_PIXELS)
+    one = parts.labels == rng.choice(things)
     truth = np.where(one, np.uint8(INSIDE), np.uint8(0))
-    deepest = np.unravel_index(int(distances(one).argmax()), one.shape)
-    deep, anywhere = ([int(x), int(y)] for y, x in (deepest, rng.choice(np.argwhere(one))))
+    deep, anywhere = _places(one, rng)
     alike = ffseg.segment(image, {"init.circles": [deep], "region.islands": "all"})
     found: list[NDArray[np.bool_]] = [ffseg.segment(image, {"init.center": at}).mask for at in (deep, anywhere)]
     clicked = after_clicks((image, truth), ffseg.load_params(), np.zeros(one.shape, np.bool_))
-    return [*(iou(mask, truth) for mask in found), *clicked, iou(alike.mask, every)]
+    return [
+        *(iou(mask, truth) for mask in found),
+        *clicked,
+        iou(alike.mask, every),
+        *_of_several(image, parts.labels, things, rng),
+    ]
+
+
+def _of_several(
+    image: Image, labels: NDArray[np.int32], things: NDArray[np.intp], rng: np.random.Generator
+) -> list[float]:
+    """IoU of several of the things from the deepest place in each, and from any; nan if there are fewer."""
+    if things.size < PLACES:
+        return [nan, nan]
+    chosen = rng.choice(things, PLACES, replace=False)
+    truth = np.where(np.isin(labels, chosen), np.uint8(INSIDE), np.uint8(0))
+    pairs = [_places(labels == thing, rng) for thing in chosen]
+    masks = (ffseg.segment(image, {"init.circles": list(places)}).mask for places in zip(*pairs, strict=True))
+    return [iou(mask, truth) for mask in masks]
+
+
+def _places(thing: NDArray[np.bool_], rng: np.random.Generator) -> tuple[list[int], list[int]]:
+    """The deepest pixel of a thing, and any, x and y."""
+    deepest = np.unravel_index(int(distances(thing).argmax()), thing.shape)
+    deep, anywhere = ([int(x), int(y)] for y, x in (deepest, rng.choice(np.argwhere(thing))))
+    return deep, anywhere
 
 
 def _by_model(drawn: list[Drawn]) -> float:
@@ -65,8 +94,9 @@ def main(
 ) -> None:
     """Print the table."""
     print(
-        "| kind | pixels | deepest place | any place | after 1 click | 3 | 6 | all alike |",
-        "| --- " * 8 + "|",
+        "| kind | pixels | deepest place | any place | after 1 click | 3 | 6 | all alike "
+        "| several, deepest | several, any | by a model |",
+        "| --- " * 11 + "|",
         sep="\n",
     )
     for kind in LEARNED:

@@ -1,13 +1,18 @@
 """Small things in large images: what somebody points at is seen closer."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import ffseg
 from ffseg.evidence import closer
-from ffseg.evidence.closer import Crop, crops
+from ffseg.evidence.clicks import MOST_CORRECTIONS
+from ffseg.evidence.closer import Crop, crops, part_with
 from ffseg.image.parts import connected_parts
 from ffseg.metrics import iou
+from ffseg.scene import Scene
+from ffseg.starts.initial import circle_start
 from tests.many_things import SHAPE, deepest, large
 
 NOISE = 20
@@ -64,6 +69,74 @@ def test_all_alike_in_a_large_image() -> None:
     pytest.importorskip("lightgbm")
     image, truth, _, place = pointed_at(0)
     assert iou(ffseg.segment(image, {"init.circles": [place], "region.islands": "all"}).mask, truth) > 0.8
+
+
+def of_things(image: np.ndarray, truth: np.ndarray, number: int) -> tuple[list[list[int]], np.ndarray]:
+    """The deepest pixels of so many of the cells, far from one another, and their mask."""
+    parts = connected_parts(truth == 255)
+    chosen = np.linspace(1, parts.number, number, dtype=int)
+    places = [deepest(np.where(parts.labels == one, np.uint8(255), np.uint8(0))) for one in chosen]
+    return places, np.where(np.isin(parts.labels, chosen), np.uint8(255), np.uint8(0))
+
+
+@pytest.mark.parametrize(("number", "named"), [(3, []), (6, []), (6, [4]), (MOST_CORRECTIONS + 4, [])])
+def test_several_places_find_a_small_thing_each(
+    number: int, named: list[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    image, every, _, _ = pointed_at(0)
+    places, truth = of_things(image, every, number)
+    params = {"init.circles": [[*place, *named] for place in places]}
+    found = ffseg.segment(image, params)
+    assert iou(found.mask, truth) > 0.8
+    said = [one for one in found.messages if "closer" in one]
+    assert [one.split(" of radius")[0] for one in said] == (
+        [] if named else [f"{number} starts were seen closer, as clicks"]
+    )
+    monkeypatch.setattr(closer, "WORKING_SIZE", 10**6)
+    assert iou(ffseg.segment(image, params).mask, truth) < 0.7
+
+
+def test_more_places_than_are_looked_from(monkeypatch: pytest.MonkeyPatch) -> None:
+    image, every, _, _ = pointed_at(1)
+    places, truth = of_things(image, every, 8)
+    monkeypatch.setattr(closer, "MOST_LOOKED_FROM", 2)
+    assert iou(ffseg.segment(image, {"init.circles": places}).mask, truth) > 0.8
+
+
+def test_a_wide_thing_clicked_at_both_ends_is_seen_whole() -> None:
+    """No crop of a click shows more of it than its texture."""
+    band = np.zeros((800, 1200), np.uint8)
+    band[251:550, 51:1150] = 255
+    image = 120 + np.random.default_rng(0).normal(0, 1, band.shape) * np.where(band > 0, 40, 12)
+    found = ffseg.segment(np.clip(image, 0, 255).astype(np.uint8), {"init.circles": [[150, 400, 8], [1050, 400, 8]]})
+    assert iou(found.mask, band) > 0.85
+
+
+def test_a_place_outside_the_domain_shows_nothing() -> None:
+    image, every, _, _ = pointed_at(0)
+    places, truth = of_things(image, every, 4)
+    domain = np.full(image.shape[:2], 255, np.uint8)
+    x, y = places[-1]
+    domain[max(y - 60, 0) : y + 60, max(x - 60, 0) : x + 60] = 0
+    truth[domain == 0] = 0
+    found = ffseg.segment(image, {"init.circles": places}, domain=domain)
+    assert iou(found.mask, truth) > 0.8
+    assert not found.mask[domain == 0].any()
+
+
+def test_points_outside_are_seen_with_the_starts_of_their_crop() -> None:
+    init = {"init.circles": [[30, 30, 4], [900, 700, 4], [40, 30, 4]], "init.background": [[50, 30, 3, 2], [880, 700]]}
+    scene = Scene(np.zeros((800, 1200), np.uint8), params=ffseg.load_params(None, init))
+    scene = replace(scene, starts=tuple(circle_start(one, scene.params) for one in scene.params.init.circles))
+    crop = Crop(0, 0, 400, 400, scene.shape)
+    near = part_with(scene, [0, 2], crop)
+    assert near.shape == crop.size
+    assert near.params.init.circles == ((30, 30, 4), (40, 30, 4))
+    assert near.params.init.background == ((50, 30, 3, 1),)
+    far = part_with(scene, [1], Crop(800, 400, 1200, 800, scene.shape))
+    assert far.params.init.circles == ((100, 300, 4),)
+    assert far.params.init.background == ((80, 300),)
+    assert np.allclose(far.starts[0].control_points.mean(axis=0), (100, 300))
 
 
 def test_a_wide_thing_is_seen_whole() -> None:
