@@ -75,7 +75,7 @@ def test_the_size_at_which_things_are_seen() -> None:
     scribbled = np.where(large > 0, np.uint8(255), np.uint8(128))
     scribbled[::40] = 0
     assert size_of_things([scribbled]) == WORKING_SIZE, "a scribble says nothing of how deep a thing is"
-    assert size_to_see((9000, 12000), 8.0) == 1200
+    assert size_to_see((9000, 24000), 8.0) == 2400
 
 
 def test_what_lies_apart_in_a_mask() -> None:
