@@ -129,6 +129,11 @@ class Init(Section):
         """Radius of a start circle that others, boxes or clicks outside correct, px."""
         return click_radius(shape) if self.radius == "auto" else self.radius
 
+    @property
+    def named_radii(self) -> list[bool]:
+        """Of each start circle, or of the one there is without any, whether somebody named its radius."""
+        return [self.radius != "auto" or len(one) == 3 for one in self.circles] or [self.radius != "auto"]
+
     def circles_in(self, shape: tuple[int, ...]) -> tuple[Circle, ...]:
         """The circles in an image of shape (H, W, ...), each with its radius."""
         return tuple((x, y, *(radius or (self.click_radius_in(shape),))) for x, y, *radius in self.circles)

@@ -103,8 +103,7 @@ def _narrowed(
     scene: Scene, first: Scene, found: ContourResult, further: tuple[FreeForm, ...]
 ) -> tuple[Scene, tuple[FreeForm, ...]]:
     """The scene with starts without a radius of their own no wider than the first was in the end; and those after it."""
-    begun, init = found.scene.starts[: len(first.starts)], scene.params.init
-    named = [len(one) == 3 for one in init.circles] or [init.radius != "auto"]
+    begun, named = found.scene.starts[: len(first.starts)], scene.params.init.named_radii
     if scene.boxes or scene.start_mask is not None or named[0] or begun == first.starts:
         return scene, further
     radius = as_circle(begun[0]).radius

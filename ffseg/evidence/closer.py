@@ -148,7 +148,7 @@ def closer_looks(scene: Scene) -> Iterator[CloserLook]:
 
     One that cuts what it finds is none.
     """
-    (named, *_), start = _named_radii(scene), as_circle(scene.starts[0])
+    (named, *_), start = scene.params.init.named_radii, as_circle(scene.starts[0])
     if len(scene.starts) > 1 or (named and round(start.radius, 1) > click_radius(scene.shape)):
         return
     for crop in crops(scene.shape, start.x, start.y):
@@ -205,7 +205,7 @@ def crops_of_starts(scene: Scene) -> list[Crops]:
         if not new:
             break
         for number in new:
-            look = partial(_promised_overlaps, with_starts(scene, [number]), appearance)
+            look = partial(_promised_overlaps, _with_starts(scene, [number]), appearance)
             told[number] = _known.get((seen, scene.params.region.probability, places[number]), look)
     return [places[leader].from_crop(chosen[leader]) for leader in led]
 
@@ -214,7 +214,7 @@ def _places(scene: Scene) -> list[_Place]:
     circles = [as_circle(start) for start in scene.starts]
     return [
         _Place(one.x, one.y, one.radius if named else 0.0, tuple(crops(scene.shape, one.x, one.y)))
-        for one, named in zip(circles, _named_radii(scene), strict=True)
+        for one, named in zip(circles, scene.params.init.named_radii, strict=True)
     ]
 
 
@@ -239,13 +239,7 @@ def _promised_overlaps(scene: Scene, appearance: Appearance) -> _Promises:
     return found if whole is None else found | {None: whole.promised}
 
 
-def _named_radii(scene: Scene) -> list[bool]:
-    """Of each start whether it has a radius of its own."""
-    init = scene.params.init
-    return [init.radius != "auto" or len(one) == 3 for one in init.circles] or [init.radius != "auto"]
-
-
-def with_starts(scene: Scene, numbers: Sequence[int]) -> Scene:
+def _with_starts(scene: Scene, numbers: Sequence[int]) -> Scene:
     """The scene with these of its starts alone."""
     init, starts = scene.params.init, tuple(scene.starts[k] for k in numbers)
     if init.circles:
@@ -257,7 +251,7 @@ def as_seen(scene: Scene, seen: Sequence[Crops]) -> tuple[Scene, str]:
     """The scene with what has no radius as clicks of the crops that it is seen in, and what to say of starts among it."""
     init, smaller = scene.params.init, list[float]()
     circles = [*init.circles_in(scene.shape)] or [cast(Circle, astuple(as_circle(scene.starts[0])))]
-    for number, (named, crops_) in enumerate(zip(_named_radii(scene), seen, strict=True)):
+    for number, (named, crops_) in enumerate(zip(init.named_radii, seen, strict=True)):
         if crops_ and not named:
             x, y, radius = circles[number]
             smaller.append(min(radius, click_radius(crops_[0].size)))
@@ -285,7 +279,7 @@ def _as_seen(point: Seed, seen: Sequence[Crop]) -> Seed:
 
 def part_with(scene: Scene, numbers: Sequence[int], crop: Crop | None = None) -> Scene:
     """What a crop has of a scene with these of its starts alone; points outside say after how many of them they came."""
-    found, init = with_starts(scene, numbers), scene.params.init
+    found, init = _with_starts(scene, numbers), scene.params.init
     background = tuple(
         (*point[:3], float(sum(k < point[3] for k in numbers))) if len(point) == 4 else point
         for point in init.background
