@@ -145,8 +145,7 @@ def bounded(scene: Scene) -> Scene:
     """The scene with its edge map limited to the domain and the valid disc."""
     edges, domain = scene.edges, scene.domain
     if edges.domain is None:
-        limits = scene.disc if domain is None else domain
-        edges = edges if limits is None else replace(edges, domain=limits)
+        edges = edges if scene.limits is None else replace(edges, domain=scene.limits)
     elif domain is not None and edges.domain is not domain:
         edges = replace(edges, domain=np.where(edges.domain > 0, domain, np.uint8(0)))
     return (

@@ -60,8 +60,7 @@ def judge_region(
     The score is the IoU to expect by the evidence or, without evidence, the fraction of the boundary on clear edges.
     Each doubt limits it.
     """
-    domain = scene.disc if scene.domain is None else scene.domain
-    doubts = tuple(_doubts(found, contours, mask, domain))
+    doubts = tuple(_doubts(found, contours, mask, scene.limits))
     edges = found.scene.edges
     if edges.odds is None:
         sure = found.boundary_of(contours).clear_share()

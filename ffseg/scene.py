@@ -194,6 +194,11 @@ class Scene:
         return (self.image.shape[0], self.image.shape[1])
 
     @property
+    def limits(self) -> Image | None:
+        """Nonzero where the contour may go: the domain or, where none is given, the valid disc; None means the whole image."""
+        return self.disc if self.domain is None else self.domain
+
+    @property
     def fixed(self) -> bool:
         """Whether the starts must stay where they are, as those round a camera: they are not moved off edges."""
         return self.center is not None and self.params.init.center == "auto"

@@ -72,8 +72,9 @@ def shared_input(scene: Scene, methods: Sequence[str]) -> SharedInput | None:
             params.init, center="auto", boxes=(), circles=tuple((one.x, one.y, one.radius) for one in circles)
         )
         params = replace(params, init=init)
-    domain = with_edges.disc if with_edges.domain is None else with_edges.domain
-    bounded = replace(with_edges.edges, domain=domain if with_edges.edges.domain is None else with_edges.edges.domain)
+    bounded = with_edges.edges
+    if bounded.domain is None:
+        bounded = replace(bounded, domain=with_edges.limits)
     return SharedInput(params, bounded, edges_ms, was_moved(found.messages))
 
 

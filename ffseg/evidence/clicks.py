@@ -24,7 +24,7 @@ from ffseg.evidence.features import enlarged, reduced_mean
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.hints import HELD_RADIUS
 from ffseg.evidence.maps import expected_overlap, log_odds, odds_edges
-from ffseg.evidence.prior import MAX_LOG_ODDS, appearance_of
+from ffseg.evidence.prior import MAX_LOG_ODDS, appearance_of, shown_by_starts
 from ffseg.evidence.recent import Recent, digest_of
 from ffseg.evidence.surroundings import STRIDE, strided
 from ffseg.image.appearance import Appearance, reduced_shape, reduction
@@ -37,7 +37,6 @@ from ffseg.parameters import Seed
 from ffseg.scene import Scene
 from ffseg.starts.boxes import in_boxes
 from ffseg.starts.initial import circle_start, middles
-from ffseg.starts.parts import start_core
 from ffseg.starts.rivals import add_disc, disc_of, seeds
 
 if TYPE_CHECKING:
@@ -223,15 +222,15 @@ def with_clicks(
     if scene.boxes and base is not None:
         scene = _in_boxes(scene, base - np.float32(level))
     if base is not None and not (scene.boxes or scene.params.region.islands == "all"):
-        first, _ = _first(scene, _core(scene)[0])
+        first, _ = _first(scene, shown_by_starts(scene))
         if first.any() and base[first].max() <= level:
             base, ask, calibration = None, None, PRIOR_CALIBRATION
-    asked, said = scene, ""
+    said = ""
     if base is None and scene.pointed and not scene.boxes and reduction(scene.shape) > 1:
         scene, said, found = _seen_closer(scene)
     else:
         found = _told(scene, base, ask, samples=base is None and _are_samples(scene))
-    core, _ = _core(scene)
+    core = shown_by_starts(scene)
     outside = seeds(scene.params.init.background, core, scene.background)
     if found is None:
         return own
@@ -244,9 +243,7 @@ def with_clicks(
     edges = replace(edges, kept=found.kept, calibration=calibration.after(found.corrections))
     if outside.any():
         edges = replace(edges, domain=np.where(~outside, np.uint8(255), np.uint8(0)))
-    if scene.starts == asked.starts:
-        return edges
-    return tried(contour(replace(scene, edges=edges, callback=None)), said)
+    return tried(contour(replace(scene, edges=edges, callback=None)), said) if said else edges
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -281,7 +278,7 @@ def _told(
     samples: bool = False,
 ) -> Told | None:
     """What all clicks tell; None if none lies inside, or both sides show the same colours and there is no base."""
-    inside, within = _core(scene)
+    inside, within = shown_by_starts(scene), None if scene.limits is None else scene.limits > 0
     first, circles = (inside, []) if samples else _first(scene, inside)
     points = [_outside(point, scene.shape) for point in scene.params.init.background]
     if not first.any():
@@ -354,13 +351,6 @@ def _in_boxes(scene: Scene, odds: Plane) -> Scene:
 
 def _outside(point: Seed, shape: tuple[int, int]) -> Click:
     return Click(*disc_of(point, shape), False, point[3] if len(point) == 4 else None)
-
-
-def _core(scene: Scene) -> tuple[Mask, Mask | None]:
-    """Pixels of the domain that show what is inside, and those of the domain; None means all."""
-    limits, inside = scene.disc if scene.domain is None else scene.domain, start_core(scene)
-    within = None if limits is None else limits > 0
-    return inside if within is None else inside & within, within
 
 
 def _first(scene: Scene, inside: Mask) -> tuple[Mask, list[Click]]:

@@ -197,8 +197,8 @@ def crops_of_starts(scene: Scene) -> list[Crops]:
     A start that lies in the crop of an earlier one is seen in that. The others are seen at the scale at which looks from the
     first of them promise the most in all; those of the first that it cuts, where their own look promises the most.
     """
-    appearance, limits = appearance_of(scene), scene.disc if scene.domain is None else scene.domain
-    seen, places, told = digest_of(appearance.lab, limits), _places(scene), dict[int, _Promises]()
+    appearance, places, told = appearance_of(scene), _places(scene), dict[int, _Promises]()
+    seen = digest_of(appearance.lab, scene.limits)
     while True:
         led, chosen = _seen_in(places, told)
         new = [number for number in chosen if number not in told][: MOST_LOOKED_FROM - len(told)]

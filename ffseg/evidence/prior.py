@@ -228,5 +228,5 @@ def look_at(scene: Scene, appearance: Appearance, said: str = "") -> Look | None
 
 def shown_by_starts(scene: Scene) -> Mask:
     """Pixels of the domain that show what is inside."""
-    starts, domain = start_core(scene), scene.disc if scene.domain is None else scene.domain
-    return starts if domain is None else starts & (domain > 0)
+    starts = start_core(scene)
+    return starts if scene.limits is None else starts & (scene.limits > 0)

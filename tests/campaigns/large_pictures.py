@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 import ffseg
 from ffseg.arrays import Image
 from ffseg.evidence.forest import to_bytes
-from ffseg.image.free import distances
 from ffseg.image.parts import connected_parts
 from ffseg.learning.examples import samples_by_default, size_of_things
 from ffseg.learning.training import SampleSet, learn
@@ -28,6 +27,7 @@ from ffseg.metrics import INSIDE, iou
 from ffseg.starts.pockets import MIN_PIXELS
 from tests.campaigns import harness
 from tests.campaigns.all_things import KINDS, LEARNED, Drawn, after_clicks
+from tests.many_things import deepest
 
 MOST_SIDE = 4
 PLACES = 12
@@ -73,9 +73,8 @@ def _of_several(
 
 def _places(thing: NDArray[np.bool_], rng: np.random.Generator) -> tuple[list[int], list[int]]:
     """The deepest pixel of a thing, and any, x and y."""
-    deepest = np.unravel_index(int(distances(thing).argmax()), thing.shape)
-    deep, anywhere = ([int(x), int(y)] for y, x in (deepest, rng.choice(np.argwhere(thing))))
-    return deep, anywhere
+    row, column = rng.choice(np.argwhere(thing))
+    return deepest(thing), [int(column), int(row)]
 
 
 def _by_model(drawn: list[Drawn]) -> float:

@@ -71,7 +71,7 @@ def test_all_alike_in_a_large_image() -> None:
     assert iou(ffseg.segment(image, {"init.circles": [place], "region.islands": "all"}).mask, truth) > 0.8
 
 
-def of_things(image: np.ndarray, truth: np.ndarray, number: int) -> tuple[list[list[int]], np.ndarray]:
+def of_things(truth: np.ndarray, number: int) -> tuple[list[list[int]], np.ndarray]:
     """The deepest pixels of so many of the cells, far from one another, and their mask."""
     parts = connected_parts(truth == 255)
     chosen = np.linspace(1, parts.number, number, dtype=int)
@@ -84,7 +84,7 @@ def test_several_places_find_a_small_thing_each(
     number: int, named: list[float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     image, every, _, _ = pointed_at(0)
-    places, truth = of_things(image, every, number)
+    places, truth = of_things(every, number)
     params = {"init.circles": [[*place, *named] for place in places]}
     found = ffseg.segment(image, params)
     assert iou(found.mask, truth) > 0.8
@@ -98,7 +98,7 @@ def test_several_places_find_a_small_thing_each(
 
 def test_more_places_than_are_looked_from(monkeypatch: pytest.MonkeyPatch) -> None:
     image, every, _, _ = pointed_at(1)
-    places, truth = of_things(image, every, 8)
+    places, truth = of_things(every, 8)
     monkeypatch.setattr(closer, "MOST_LOOKED_FROM", 2)
     assert iou(ffseg.segment(image, {"init.circles": places}).mask, truth) > 0.8
 
@@ -114,7 +114,7 @@ def test_a_wide_thing_clicked_at_both_ends_is_seen_whole() -> None:
 
 def test_a_place_outside_the_domain_shows_nothing() -> None:
     image, every, _, _ = pointed_at(0)
-    places, truth = of_things(image, every, 4)
+    places, truth = of_things(every, 4)
     domain = np.full(image.shape[:2], 255, np.uint8)
     x, y = places[-1]
     domain[max(y - 60, 0) : y + 60, max(x - 60, 0) : x + 60] = 0
